@@ -1,0 +1,100 @@
+"""The seam between host code and kernel backends: a device of five verbs."""
+
+import importlib
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.errors import BackendUnavailable, InputError
+
+BACKENDS = ("warp", "opencl")
+Buffer = Any
+"""An array that lives on a device; only its device can look inside."""
+
+
+class Device(Protocol):
+    """Where kernels run.
+
+    Attributes
+    ----------
+    backend: ``"warp"`` or ``"opencl"``.
+    name: what ``open_device`` was asked for, spelled out (``"opencl:0:0"``).
+    label: the hardware in words.
+    real: float32 or float64, the type of every floating-point buffer and argument.
+    """
+
+    backend: str
+    name: str
+    label: str
+    real: "np.dtype[Any]"
+
+    def put(self, array: Any) -> Buffer:
+        """Upload an array, flattened in memory order; floats become ``real``, integers int32.
+
+        What already lives on this device comes back as it is.
+        """
+
+    def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Buffer:
+        """Reserve an uninitialised buffer, of ``real`` unless ``dtype`` says otherwise."""
+
+    def get(self, buffer: Buffer) -> NDArray[Any]:
+        """Download a buffer with the shape it was made with."""
+
+    def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
+        """Run ``"file.kernel"`` over ``dim`` work items, the last dimension fastest.
+
+        Python integers are passed as int32, Python floats as ``real``.
+        """
+
+    def wait(self) -> None:
+        """Return when everything launched has finished."""
+
+
+@lru_cache(maxsize=None)
+def open_device(name: str = "auto", precision: str = "float32") -> Device:
+    """Open a device by name; the same name gives the same device again.
+
+    Arguments
+    ---------
+    name: ``"auto"`` (CUDA by Warp, else OpenCL, else Warp on the CPU), ``"warp"``, ``"warp:cpu"``, ``"warp:cuda:0"``,
+        ``"opencl"`` or ``"opencl:PLATFORM:DEVICE"``.
+    precision: ``"float32"`` or ``"float64"``.
+
+    Raises
+    ------
+    BackendUnavailable where the backend or the device is not present; InputError for a name of no backend.
+    """
+    if precision not in ("float32", "float64"):
+        raise InputError(f"expected the precision float32 or float64, got {precision!r}")
+    real = np.dtype(precision)
+    if name == "auto":
+        return _open_first(("warp:cuda:0", "opencl", "warp:cpu"), precision)
+    backend, _, rest = name.partition(":")
+    if backend not in BACKENDS:
+        raise InputError(f"expected a backend of {', '.join(BACKENDS)} or auto, got {backend!r}")
+    module = importlib.import_module(f"gpubspline.device.{backend}")
+    device: Device = module.open_device(rest, real)
+    return device
+
+
+def _open_first(names: tuple[str, ...], precision: str) -> Device:
+    missing = []
+    for name in names:
+        try:
+            return open_device(name, precision)
+        except BackendUnavailable as error:
+            missing.append(f"{name}: {error}")
+    raise BackendUnavailable("no kernel backend is available: " + "; ".join(missing))
+
+
+def list_devices() -> list[tuple[str, str]]:
+    """Name and description of every device of every backend; a missing backend gives one row that says what to do."""
+    rows: list[tuple[str, str]] = []
+    for backend in BACKENDS:
+        try:
+            rows += importlib.import_module(f"gpubspline.device.{backend}").list_devices()
+        except BackendUnavailable as error:
+            rows.append((backend, str(error)))
+    return rows

@@ -1,0 +1,17 @@
+"""The exceptions and the warning of the project: what was expected, what came, what to do."""
+
+
+class GpubsplineError(Exception):
+    """Base of every error this package raises on purpose; the command line prints it as one line."""
+
+
+class InputError(GpubsplineError, ValueError):
+    """Data, an option or a file is not what the called function can work with."""
+
+
+class BackendUnavailable(GpubsplineError, RuntimeError):
+    """A kernel backend or device is not present; the message names what to install."""
+
+
+class GpubsplineWarning(UserWarning):
+    """The result stands, but the user should know something about it."""

@@ -1,0 +1,39 @@
+"""Output files that appear whole or not at all."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gpubspline.errors import InputError
+
+
+def check_writable(path: Path) -> None:
+    """Raise ``InputError`` where no file can be written at ``path``, before any work is done for it."""
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"expected an existing folder for {path.name}, got {folder}, which does not exist")
+    if path.is_dir():
+        raise InputError(f"expected a file to write, got the folder {path}")
+    try:  # root may pass os.access on a read-only file system: try
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f"cannot write in {folder}: {error.strerror}") from None
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path beside ``path`` that replaces it when the block ends without an error.
+
+    The temporary name keeps the extension, since writers choose their format by it.
+    """
+    path = Path(path)
+    check_writable(path)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""From HU to density, Young's modulus and Poisson's ratio."""

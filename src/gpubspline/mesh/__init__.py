@@ -1,0 +1,1 @@
+"""Finite element meshes: sampling a hyperpatch, quality, distance to the region."""

@@ -1,0 +1,1 @@
+"""B-spline mathematics: knots, control lattices, hyperpatches and their fit."""
