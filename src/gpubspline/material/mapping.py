@@ -1,0 +1,151 @@
+"""Mapping a material law onto the nodes and elements of a mesh."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device, open_device
+from gpubspline.errors import InputError
+from gpubspline.material.laws import Law
+from gpubspline.material.registry import law as find_law
+
+if TYPE_CHECKING:
+    from gpubspline.mesh.mesh import Mesh
+
+POLICIES = ("clamp", "floor", "error")
+"""What becomes of HU outside every range of a law."""
+
+FLOOR_MODULUS_MPA = 1.0
+"""Modulus of the ``floor`` policy: soft against any bone, stiff enough for a solver to stay well conditioned."""
+
+FLOOR_POISSON = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What a law makes of HU.
+
+    Attributes
+    ----------
+    law: the law.
+    policy: what was done with HU outside every range of the law, one of ``POLICIES``.
+    density_g_cm3, modulus_mpa, poisson: (n,) real, density of the law's kind, Young's modulus and Poisson's ratio.
+    piece: (n,) int32, index of the law's piece used, or -1 - index of the nearest where HU was outside every range.
+    """
+
+    law: Law
+    policy: str
+    density_g_cm3: NDArray[Any]
+    modulus_mpa: NDArray[Any]
+    poisson: NDArray[Any]
+    piece: NDArray[np.int32]
+
+    @property
+    def out_of_range(self) -> int:
+        """How many values of HU were outside every range of the law."""
+        return int(np.count_nonzero(self.piece < 0))
+
+
+def map_material(
+    hu: Any,
+    law: Law,
+    *,
+    policy: str = "clamp",
+    floor_modulus_mpa: float = FLOOR_MODULUS_MPA,
+    floor_poisson: float = FLOOR_POISSON,
+    device: Device | None = None,
+) -> Material:
+    """Density, Young's modulus and Poisson's ratio of HU values, on a device.
+
+    Arguments
+    ---------
+    hu: (n,) HU, an array or a buffer of the device.
+    law: the law; each of its ranges holds its lower end, and the last one its upper end too.
+    policy: for HU outside every range, ``"clamp"`` moves HU to the nearest end of a range, for the density as well as
+        for modulus and Poisson's ratio; ``"floor"`` keeps the density and gives a small modulus; ``"error"`` refuses.
+    floor_modulus_mpa, floor_poisson: what ``"floor"`` gives.
+    device: where to compute; ``open_device()`` unless told.
+
+    Raises
+    ------
+    InputError for an unknown policy, a floor of no solid, or HU outside every range under ``"error"``.
+    """
+    if policy not in POLICIES:
+        raise InputError(f"expected a policy of {', '.join(POLICIES)} for HU outside the law, got {policy!r}")
+    if not (0 < floor_modulus_mpa < np.inf and 0 <= floor_poisson < 0.5):
+        floor = f"{floor_modulus_mpa:g} MPa and {floor_poisson:g}"
+        raise InputError(f"expected a positive floor modulus and a Poisson's ratio below 0.5, got {floor}")
+    device = device or open_device()
+    material = _launch(device, device.put(hu), law, policy, floor_modulus_mpa, floor_poisson)
+    if policy == "error" and material.out_of_range:
+        _refuse(np.asarray(device.get(device.put(hu))), material)
+    return material
+
+
+def _launch(device: Device, hu: Any, law: Law, policy: str, floor_modulus: float, floor_poisson: float) -> Material:
+    names = ("lower_hu", "upper_hu", "factor_mpa", "exponent", "offset_mpa", "poisson")
+    columns = [device.put(np.array([getattr(piece, name) for piece in law.pieces])) for name in names]
+    n = int(np.prod(hu.shape))
+    density, modulus, poisson = device.empty(n), device.empty(n), device.empty(n)
+    piece = device.empty(n, np.int32)
+    slope, intercept = float(law.density.slope_g_cm3_per_hu), float(law.density.intercept_g_cm3)
+    floor = (int(policy == "floor"), float(floor_modulus), float(floor_poisson))
+    results = (density, modulus, poisson, piece)
+    device.launch("material.power_law", n, hu, *columns, len(law.pieces), slope, intercept, *floor, n, *results)
+    return Material(law, policy, *(device.get(buffer) for buffer in results))
+
+
+def _refuse(hu: NDArray[Any], material: Material) -> None:
+    outside = hu[material.piece < 0]
+    ranges = ", ".join(f"{piece.lower_hu:g} to {piece.upper_hu:g}" for piece in material.law.pieces)
+    raise InputError(
+        f"expected HU of {ranges}, which the law {material.law.name!r} covers, got {outside.min():g} to "
+        f"{outside.max():g} HU at {outside.size} of {hu.size} nodes: choose the policy clamp or floor, or another law"
+    )
+
+
+def apply_material(
+    mesh: "Mesh",
+    law: Law | None = None,
+    *,
+    policy: str = "clamp",
+    floor_modulus_mpa: float = FLOOR_MODULUS_MPA,
+    floor_poisson: float = FLOOR_POISSON,
+    device: Device | None = None,
+) -> tuple["Mesh", Material]:
+    """Give a mesh the material of its nodal HU.
+
+    Arguments
+    ---------
+    mesh: with the nodal field ``"HU"``.
+    law: the paper's, ``DEFAULT_LAW``, unless told.
+    policy, floor_modulus_mpa, floor_poisson, device: see ``map_material``.
+
+    Returns
+    -------
+    The mesh with the nodal fields ``"density_g_cm3"``, ``"E_MPa"`` and ``"nu"``, and the element field ``"material"``,
+    (m,) int32: 1 + the index of the law's piece that holds the mean HU of the element's nodes, the nearest piece where
+    none does, or 0 for such an element under the policy ``"floor"``. Beside it, the material of its nodes.
+
+    Raises
+    ------
+    InputError where the mesh has no HU, and as ``map_material``.
+    """
+    if "HU" not in mesh.fields:
+        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    law, device = law or find_law(), device or open_device()
+    floor = {"floor_modulus_mpa": floor_modulus_mpa, "floor_poisson": floor_poisson}
+    nodal = map_material(mesh.fields["HU"], law, policy=policy, device=device, **floor)
+    # nodes on both sides of a gap are in range while their mean is not: elements are never refused
+    element = map_material(_element_means(mesh, "HU"), law, device=device).piece
+    outside = np.zeros_like(element) if policy == "floor" else -element
+    fields = {"density_g_cm3": nodal.density_g_cm3, "E_MPa": nodal.modulus_mpa, "nu": nodal.poisson}
+    material = np.where(element < 0, outside, element + 1)
+    return mesh.with_fields(fields).with_cell_fields({"material": material}), nodal
+
+
+def _element_means(mesh: "Mesh", field: str) -> NDArray[Any]:
+    """Mean of a nodal field over the nodes of each element, (m,)."""
+    return np.asarray(np.asarray(mesh.fields[field])[mesh.cells].mean(axis=1))

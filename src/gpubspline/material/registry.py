@@ -1,0 +1,181 @@
+"""The published laws that come with the package, and a user's own from a TOML file of the same schema.
+
+A file holds one table per law::
+
+    [my-femur]
+    title = "Our femur, calibrated with the phantom of May"
+    site = "proximal femur"                              # optional, as are citation, notes and unconfirmed
+    citation = "Morgan, Bayraktar, Keaveny, J Biomech 36 (2003) 897-904"
+    unconfirmed = ["Poisson's ratio"]
+
+    [my-femur.density]                                   # rho = slope * HU + intercept, g/cm3, never below 0
+    kind = "apparent"                                    # or "ash" or "QCT"
+    slope_g_cm3_per_hu = 0.00116                         # or points = [[HU, g/cm3], [HU, g/cm3]]
+    intercept_g_cm3 = 0.0
+    source = "calibration phantom"
+
+    [[my-femur.pieces]]                                  # E = factor * rho**exponent + offset, once or more
+    hu = [100.0, 1500.0]                                 # lower <= HU < upper; or density_g_cm3 = [lower, upper]
+    factor_mpa = 6850.0
+    exponent = 1.49
+    offset_mpa = 0.0                                     # optional, 0
+    poisson = 0.3
+"""
+
+import importlib
+import sys
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from gpubspline.errors import InputError
+from gpubspline.material.laws import DensityRelation, Law, Piece
+
+DEFAULT_LAW = "wirtz-2000"
+"""Eqs 3.6 and 3.7 of the paper."""
+
+
+@lru_cache(maxsize=1)
+def laws() -> Mapping[str, Law]:
+    """Read the registry: every law that comes with the package, by name."""
+    text = resources.files("gpubspline.material").joinpath("registry.toml").read_text(encoding="utf-8")
+    return MappingProxyType(read_laws(text, "the registry"))
+
+
+def law(name: str | Path = DEFAULT_LAW) -> Law:
+    """Find a law by its name in the registry, or read it from a TOML file that holds exactly one.
+
+    Arguments
+    ---------
+    name: a name of ``laws()``, or the path of a file that ends in ``.toml`` (schema: this module's docstring).
+
+    Raises
+    ------
+    InputError where there is no such law or file, or the file holds anything but one law.
+    """
+    if isinstance(name, Path) or name.lower().endswith(".toml"):
+        return _law_of_file(Path(name))
+    if name not in laws():
+        known = ", ".join(laws())
+        raise InputError(f"expected a material law of {known}, or a .toml file, got {name!r}")
+    return laws()[name]
+
+
+def _law_of_file(path: Path) -> Law:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read the material law {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"expected a material law in UTF-8 text, got something else in {path}") from None
+    found = list(read_laws(text, path.name).values())
+    if len(found) != 1:
+        raise InputError(f"expected exactly one material law in {path.name}, got {len(found)}")
+    return found[0]
+
+
+def read_laws(text: str, source: str) -> dict[str, Law]:
+    """Read the laws of a TOML text by name.
+
+    Arguments
+    ---------
+    text: TOML of the schema in this module's docstring.
+    source: what to call the text in an error.
+
+    Raises
+    ------
+    InputError, one line that names the law and the key, for what is not TOML or not of the schema.
+    """
+    # tomllib is in Python since 3.11, tomli is the same code for 3.10
+    toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    try:
+        tables = toml.loads(text)
+    except toml.TOMLDecodeError as error:
+        raise InputError(f"expected TOML in {source}, got a text with an error: {error}") from None
+    return {name: _law(name, table, f"{name!r} in {source}") for name, table in tables.items()}
+
+
+def _law(name: str, table: Any, where: str) -> Law:
+    fields = _checked(
+        table,
+        f"the law {where}",
+        required={"title": str, "density": dict, "pieces": list},
+        optional={"site": str, "citation": str, "unconfirmed": list, "notes": str},
+    )
+    try:
+        density = _density(fields.pop("density"))
+        pieces = tuple(_piece(piece, number, density) for number, piece in enumerate(fields.pop("pieces"), start=1))
+        unconfirmed = tuple(str(part) for part in fields.pop("unconfirmed", ()))
+        return Law(name, density=density, pieces=pieces, unconfirmed=unconfirmed, **fields)
+    except InputError as error:
+        raise InputError(f"the law {where}: {error}") from None
+
+
+def _density(table: Any) -> DensityRelation:
+    fields = _checked(
+        table,
+        "[density]",
+        required={"kind": str},
+        optional={"points": list, "slope_g_cm3_per_hu": float, "intercept_g_cm3": float, "source": str},
+    )
+    if ("points" in fields) == ("slope_g_cm3_per_hu" in fields):
+        raise InputError("expected either points or slope_g_cm3_per_hu in [density], got both or neither")
+    if "points" in fields:
+        fields |= _line(fields.pop("points"), "intercept_g_cm3" in fields)
+    return DensityRelation(**fields)
+
+
+def _line(points: Any, has_intercept: bool) -> dict[str, float]:
+    pairs = [_pair(point, "a point of [density]") for point in points]
+    if len(pairs) != 2 or has_intercept or pairs[0][0] == pairs[1][0]:
+        raise InputError(f"expected two points (HU, g/cm3) and no intercept in [density], got {points}")
+    (hu_0, density_0), (hu_1, density_1) = pairs
+    slope = (density_1 - density_0) / (hu_1 - hu_0)
+    return {"slope_g_cm3_per_hu": slope, "intercept_g_cm3": density_0 - slope * hu_0}
+
+
+def _piece(table: Any, number: int, density: DensityRelation) -> Piece:
+    fields = _checked(
+        table,
+        f"piece {number}",
+        required={"factor_mpa": float, "exponent": float, "poisson": float},
+        optional={"hu": list, "density_g_cm3": list, "offset_mpa": float},
+    )
+    if ("hu" in fields) == ("density_g_cm3" in fields):
+        raise InputError(f"expected either hu or density_g_cm3 in piece {number}, got both or neither")
+    if "hu" in fields:
+        lower, upper = _pair(fields.pop("hu"), f"hu of piece {number}")
+    else:
+        ends = _pair(fields.pop("density_g_cm3"), f"density_g_cm3 of piece {number}")
+        lower, upper = (density.hu(end) for end in ends)
+    return Piece(lower, upper, **fields)
+
+
+def _pair(value: Any, where: str) -> tuple[float, float]:
+    if not (isinstance(value, list) and len(value) == 2 and all(_is(number, float) for number in value)):
+        raise InputError(f"expected two numbers in {where}, got {value!r}")
+    return float(value[0]), float(value[1])
+
+
+def _checked(table: Any, where: str, required: dict[str, type], optional: dict[str, type]) -> dict[str, Any]:
+    """Copy a table that has every required key, no unknown key, and values of the right types."""
+    if not isinstance(table, dict):
+        raise InputError(f"expected a table for {where}, got {table!r}")
+    known = required | optional
+    for key in [key for key in required if key not in table] + [key for key in table if key not in known]:
+        problem = "which is unknown" if key in table else "missing"
+        raise InputError(f"expected the keys {', '.join(known)} in {where}, got {key!r} {problem}")
+    for key, value in table.items():
+        if not _is(value, known[key]):
+            kind = {float: "a number", str: "a text", list: "a list", dict: "a table"}[known[key]]
+            raise InputError(f"expected {kind} for {key} in {where}, got {value!r}")
+    return dict(table)
+
+
+def _is(value: Any, kind: type) -> bool:
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, kind)
