@@ -1,0 +1,74 @@
+// Tensor-product B-spline evaluation (eqs 3.1 and 3.2 of the paper).
+//
+// Sums factorise: a grid is evaluated one axis at a time, each pass contracting one axis of the control array with that
+// axis' basis. Arrays are component planes, u fastest. Of a node's cost only the last pass counts: it writes every node
+// once and reads degree + 1 control planes that stay in cache.
+
+// u axis: source (rows, n_control) -> target (rows, n_out), one work item an output.
+__kernel void contract_rows(__global const real *source, int n_control, __global const int *span,
+                            __global const real *values, int degree, int n_out, __global real *target)
+{
+    int i = get_global_id(0);
+    if (i >= n_out)
+        return;
+    size_t row = get_global_id(1);
+    __global const real *from = source + row * n_control + span[i] - degree;
+    real sum = 0;
+    for (int a = 0; a <= degree; a++)
+        sum += values[(size_t)a * n_out + i] * from[a];
+    target[row * n_out + i] = sum;
+}
+
+// v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner), LANES of the inner axis a work item.
+__kernel __attribute__((vec_type_hint(realv)))
+void contract(__global const real *source, int n_control, int inner, __global const int *span,
+              __global const real *values, int degree, int n_out, __global real *target)
+{
+    int i = get_global_id(0) * LANES;
+    if (i >= inner)
+        return;
+    size_t out = get_global_id(1), outer = get_global_id(2);
+    __global const real *from = source + (outer * n_control + span[out] - degree) * (size_t)inner + i;
+    realv sum = 0;
+    for (int a = 0; a <= degree; a++)
+        sum += values[(size_t)a * n_out + out] * load(from, (size_t)a * inner);
+    store(sum, target, (outer * n_out + out) * (size_t)inner + i, inner - i);
+}
+
+// Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.
+__kernel void evaluate_points(__global const real *control, int n_channels, int n_u, int n_v, int n_w, int degree_u,
+                              int degree_v, int degree_w, __global const int *span_u, __global const int *span_v,
+                              __global const int *span_w, __global const real *values_u, __global const real *values_v,
+                              __global const real *values_w, int n, __global real *out)
+{
+    int i = get_global_id(0);
+    if (i >= n)
+        return;
+    size_t channel = get_global_id(1);
+    __global const real *plane = control + channel * n_w * n_v * n_u;
+    real sum = 0;
+    for (int c = 0; c <= degree_w; c++) {
+        real sum_v = 0;
+        for (int b = 0; b <= degree_v; b++) {
+            size_t row = (size_t)(span_w[i] - degree_w + c) * n_v + span_v[i] - degree_v + b;
+            __global const real *from = plane + row * n_u + span_u[i] - degree_u;
+            real sum_u = 0;
+            for (int a = 0; a <= degree_u; a++)
+                sum_u += values_u[(size_t)a * n + i] * from[a];
+            sum_v += values_v[(size_t)b * n + i] * sum_u;
+        }
+        sum += values_w[(size_t)c * n + i] * sum_v;
+    }
+    out[channel * n + i] = sum;
+}
+
+// NURBS: divides each of n_channels planes of n values by the weight plane that follows them.
+__kernel void divide_by_weight(__global real *planes, int n_channels, int n)
+{
+    int i = get_global_id(0);
+    if (i >= n)
+        return;
+    real inverse = 1 / planes[(size_t)n_channels * n + i];
+    for (int channel = 0; channel < n_channels; channel++)
+        planes[(size_t)channel * n + i] *= inverse;
+}

@@ -1,0 +1,101 @@
+"""Tensor-product B-spline evaluation (eqs 3.1 and 3.2 of the paper).
+
+Sums factorise: a grid is evaluated one axis at a time, each pass contracting one axis of the control array with that
+axis' basis. Arrays are component planes, u fastest. Offsets are 64-bit: planes of a large grid pass 2^31 elements.
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def contract_rows(
+    source: wp.array(dtype=Any),
+    n_control: wp.int32,
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
+    degree: wp.int32,
+    n_out: wp.int32,
+    target: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """u axis: source (rows, n_control) -> target (rows, n_out)."""
+    row, i = wp.tid()
+    line = wp.int64(row + first)
+    start = line * wp.int64(n_control) + wp.int64(span[i] - degree)
+    total = target.dtype(0.0)
+    for a in range(degree + 1):
+        total = total + values[a * n_out + i] * source[start + wp.int64(a)]
+    target[line * wp.int64(n_out) + wp.int64(i)] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def contract(
+    source: wp.array(dtype=Any),
+    n_control: wp.int32,
+    inner: wp.int32,
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
+    degree: wp.int32,
+    n_out: wp.int32,
+    target: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner)."""
+    outer, out, i = wp.tid()
+    block = wp.int64(outer + first)
+    step = wp.int64(inner)
+    start = (block * wp.int64(n_control) + wp.int64(span[out] - degree)) * step + wp.int64(i)
+    total = target.dtype(0.0)
+    for a in range(degree + 1):
+        total = total + values[a * n_out + out] * source[start + wp.int64(a) * step]
+    target[(block * wp.int64(n_out) + wp.int64(out)) * step + wp.int64(i)] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def evaluate_points(
+    control: wp.array(dtype=Any),
+    n_channels: wp.int32,
+    n_u: wp.int32,
+    n_v: wp.int32,
+    n_w: wp.int32,
+    degree_u: wp.int32,
+    degree_v: wp.int32,
+    degree_w: wp.int32,
+    span_u: wp.array(dtype=wp.int32),
+    span_v: wp.array(dtype=wp.int32),
+    span_w: wp.array(dtype=wp.int32),
+    values_u: wp.array(dtype=Any),
+    values_v: wp.array(dtype=Any),
+    values_w: wp.array(dtype=Any),
+    n: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes."""
+    tid_channel, i = wp.tid()
+    channel = tid_channel + first
+    total = out.dtype(0.0)
+    for c in range(degree_w + 1):
+        total_v = out.dtype(0.0)
+        for b in range(degree_v + 1):
+            row = ((channel * n_w) + span_w[i] - degree_w + c) * n_v + span_v[i] - degree_v + b
+            start = row * n_u + span_u[i] - degree_u
+            total_u = out.dtype(0.0)
+            for a in range(degree_u + 1):
+                total_u = total_u + values_u[a * n + i] * control[start + a]
+            total_v = total_v + values_v[b * n + i] * total_u
+        total = total + values_w[c * n + i] * total_v
+    out[wp.int64(channel) * wp.int64(n) + wp.int64(i)] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def divide_by_weight(planes: wp.array(dtype=Any), n_channels: wp.int32, n: wp.int32, first: wp.int32):
+    """NURBS: divide each of n_channels planes of n values by the weight plane that follows them."""
+    i = wp.int64(wp.tid() + first)
+    count = wp.int64(n)
+    inverse = planes.dtype(1.0) / planes[wp.int64(n_channels) * count + i]
+    for channel in range(n_channels):
+        at = wp.int64(channel) * count + i
+        planes[at] = planes[at] * inverse

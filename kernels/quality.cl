@@ -1,0 +1,195 @@
+// Scaled Jacobian of quads and hexes (eqs 3.4 and 3.5 of the paper): at each corner the determinant of the unit edge
+// vectors, for the element the least of its corners. A corner with an edge of no length counts 0.
+// Source: Knupp 2000; quads in space as the Verdict library defines them, against the normal at the centre.
+//
+// Every kernel works on LANES elements at once: lane l of a vector belongs to element first + l.
+
+typedef struct { realv x, y, z; } point;
+
+inline realv dot3(point a, point b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+inline point cross3(point a, point b)
+{
+    point c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+inline point unit(point a)
+{
+    realv squared = dot3(a, a);
+    realv inverse = squared > (realv)0 ? rsqrt(squared) : (realv)0;
+    point b = {a.x * inverse, a.y * inverse, a.z * inverse};
+    return b;
+}
+
+inline point difference(point a, point b)
+{
+    point c = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return c;
+}
+
+inline point unit_edge(point from, point to)
+{
+    return unit(difference(to, from));
+}
+
+inline realv det3(point a, point b, point c)
+{
+    return dot3(a, cross3(b, c));
+}
+
+// Corners 0 to 3 run round one face, 4 to 7 over them.
+inline void hex_corners(const point *p, realv *corner)
+{
+    point u0 = unit_edge(p[0], p[1]), u1 = unit_edge(p[3], p[2]), u2 = unit_edge(p[4], p[5]), u3 = unit_edge(p[7], p[6]);
+    point v0 = unit_edge(p[0], p[3]), v1 = unit_edge(p[1], p[2]), v2 = unit_edge(p[4], p[7]), v3 = unit_edge(p[5], p[6]);
+    point w0 = unit_edge(p[0], p[4]), w1 = unit_edge(p[1], p[5]), w2 = unit_edge(p[2], p[6]), w3 = unit_edge(p[3], p[7]);
+    corner[0] = det3(u0, v0, w0);
+    corner[1] = det3(u0, v1, w1);
+    corner[2] = det3(u1, v1, w2);
+    corner[3] = det3(u1, v0, w3);
+    corner[4] = det3(u2, v2, w0);
+    corner[5] = det3(u2, v3, w1);
+    corner[6] = det3(u3, v3, w2);
+    corner[7] = det3(u3, v2, w3);
+}
+
+inline void quad_corners(const point *p, realv *corner)
+{
+    point e0 = unit_edge(p[0], p[1]), e1 = unit_edge(p[1], p[2]), e2 = unit_edge(p[2], p[3]), e3 = unit_edge(p[3], p[0]);
+    point along = difference(difference(p[1], p[0]), difference(p[3], p[2]));
+    point across = difference(difference(p[2], p[1]), difference(p[0], p[3]));
+    point normal = unit(cross3(along, across));
+    corner[0] = det3(normal, e3, e0);
+    corner[1] = det3(normal, e0, e1);
+    corner[2] = det3(normal, e1, e2);
+    corner[3] = det3(normal, e2, e3);
+}
+
+inline realv least(const realv *corner, int n_corners)
+{
+    realv low = corner[0];
+    for (int c = 1; c < n_corners; c++)
+        low = fmin(low, corner[c]);
+    return low;
+}
+
+// Node `corner` of the cells first ... first + LANES - 1; lanes beyond the last cell repeat it.
+inline point gather(__global const real *x, __global const real *y, __global const real *z, __global const int *cells,
+                    int n_corners, int n_cells, int first, int corner)
+{
+    union { realv v; real lane[LANES]; } px, py, pz;
+    for (int lane = 0; lane < LANES; lane++) {
+        int node = cells[(size_t)min(first + lane, n_cells - 1) * n_corners + corner];
+        px.lane[lane] = x[node];
+        py.lane[lane] = y[node];
+        pz.lane[lane] = z[node];
+    }
+    point p = {px.v, py.v, pz.v};
+    return p;
+}
+
+inline point row(__global const real *x, __global const real *y, __global const real *z, size_t node)
+{
+    point p = {load(x, node), load(y, node), load(z, node)};
+    return p;
+}
+
+__kernel __attribute__((vec_type_hint(realv)))
+void hex_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
+                         __global const int *cells, int n_cells, __global real *out)
+{
+    int first = get_global_id(0) * LANES;
+    if (first >= n_cells)
+        return;
+    point p[8];
+    realv corner[8];
+    for (int c = 0; c < 8; c++)
+        p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+    hex_corners(p, corner);
+    store(least(corner, 8), out, first, n_cells - first);
+}
+
+__kernel __attribute__((vec_type_hint(realv)))
+void quad_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
+                          __global const int *cells, int n_cells, __global real *out)
+{
+    int first = get_global_id(0) * LANES;
+    if (first >= n_cells)
+        return;
+    point p[4];
+    realv corner[4];
+    for (int c = 0; c < 4; c++)
+        p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+    quad_corners(p, corner);
+    store(least(corner, 4), out, first, n_cells - first);
+}
+
+// out: (8, n_cells) planes
+__kernel __attribute__((vec_type_hint(realv)))
+void hex_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
+                         __global const int *cells, int n_cells, __global real *out)
+{
+    int first = get_global_id(0) * LANES;
+    if (first >= n_cells)
+        return;
+    point p[8];
+    realv corner[8];
+    for (int c = 0; c < 8; c++)
+        p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+    hex_corners(p, corner);
+    for (int c = 0; c < 8; c++)
+        store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+}
+
+// out: (4, n_cells) planes
+__kernel __attribute__((vec_type_hint(realv)))
+void quad_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
+                          __global const int *cells, int n_cells, __global real *out)
+{
+    int first = get_global_id(0) * LANES;
+    if (first >= n_cells)
+        return;
+    point p[4];
+    realv corner[4];
+    for (int c = 0; c < 4; c++)
+        p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+    quad_corners(p, corner);
+    for (int c = 0; c < 4; c++)
+        store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+}
+
+// Nodes n_u x n_v x n_w, u fastest; launched over (n_w - 1, n_v - 1, n_u - 1) cells.
+__kernel __attribute__((vec_type_hint(realv)))
+void hex_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,
+                                    int n_v, int n_w, __global real *out)
+{
+    int i = get_global_id(0) * LANES;
+    if (i >= n_u - 1)
+        return;
+    size_t j = get_global_id(1), k = get_global_id(2);
+    size_t low = (k * n_v + j) * n_u + i, high = low + (size_t)n_u * n_v;
+    point p[8] = {row(x, y, z, low),  row(x, y, z, low + 1),  row(x, y, z, low + n_u + 1),  row(x, y, z, low + n_u),
+                  row(x, y, z, high), row(x, y, z, high + 1), row(x, y, z, high + n_u + 1), row(x, y, z, high + n_u)};
+    realv corner[8];
+    hex_corners(p, corner);
+    store(least(corner, 8), out, (k * (n_v - 1) + j) * (n_u - 1) + i, n_u - 1 - i);
+}
+
+// Nodes n_u x n_v, u fastest; launched over (n_v - 1, n_u - 1) cells.
+__kernel __attribute__((vec_type_hint(realv)))
+void quad_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,
+                                     int n_v, __global real *out)
+{
+    int i = get_global_id(0) * LANES;
+    if (i >= n_u - 1)
+        return;
+    size_t j = get_global_id(1), low = j * n_u + i;
+    point p[4] = {row(x, y, z, low), row(x, y, z, low + 1), row(x, y, z, low + n_u + 1), row(x, y, z, low + n_u)};
+    realv corner[4];
+    quad_corners(p, corner);
+    store(least(corner, 4), out, j * (n_u - 1) + i, n_u - 1 - i);
+}

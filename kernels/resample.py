@@ -1,0 +1,69 @@
+"""Trilinear sampling of a volume at points in patient millimetres."""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def grid_line(t: Any, size: wp.int32):
+    """The lower of the two samples round index t, and the share of the upper one."""
+    inside = wp.clamp(t, type(t)(0.0), type(t)(size - 1))
+    low = wp.min(wp.int32(inside), wp.max(size - 2, 0))
+    return low, inside - type(t)(low)
+
+
+@wp.func
+def beyond(t: Any, size: wp.int32):
+    """Whether index t lies more than half a voxel outside the outermost centres."""
+    return t < type(t)(-0.5) or t > type(t)(size) - type(t)(0.5)
+
+
+@wp.func
+def bilinear(
+    volume: wp.array(dtype=Any), corner: wp.int64, step_i: wp.int64, step_j: wp.int64, share_i: Any, share_j: Any
+):
+    low = wp.lerp(volume[corner], volume[corner + step_i], share_i)
+    high = wp.lerp(volume[corner + step_j], volume[corner + step_j + step_i], share_i)
+    return wp.lerp(low, high, share_j)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def trilinear(
+    volume: wp.array(dtype=Any),
+    n_i: wp.int32,
+    n_j: wp.int32,
+    n_k: wp.int32,
+    to_index: wp.array(dtype=Any),
+    x: wp.array(dtype=Any),
+    y: wp.array(dtype=Any),
+    z: wp.array(dtype=Any),
+    outside: Any,
+    clamp_outside: wp.int32,
+    n_points: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """to_index: row-major 3x4 map from millimetres to the index (i, j, k).
+
+    Up to half a voxel beyond the outermost centres the border voxel's value goes on; farther out it does so where
+    ``clamp_outside`` is 1, and is ``outside`` where it is 0.
+    """
+    p = wp.tid() + first
+    t_i = to_index[0] * x[p] + to_index[1] * y[p] + to_index[2] * z[p] + to_index[3]
+    t_j = to_index[4] * x[p] + to_index[5] * y[p] + to_index[6] * z[p] + to_index[7]
+    t_k = to_index[8] * x[p] + to_index[9] * y[p] + to_index[10] * z[p] + to_index[11]
+    i, share_i = grid_line(t_i, n_i)
+    j, share_j = grid_line(t_j, n_j)
+    k, share_k = grid_line(t_k, n_k)
+    row = wp.int64(n_i)
+    slab = row * wp.int64(n_j)
+    step_i = wp.where(n_i > 1, wp.int64(1), wp.int64(0))
+    step_j = wp.where(n_j > 1, row, wp.int64(0))
+    step_k = wp.where(n_k > 1, slab, wp.int64(0))
+    corner = wp.int64(i) + wp.int64(j) * row + wp.int64(k) * slab
+    near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
+    far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
+    out[p] = wp.lerp(near, far, share_k)
+    if clamp_outside == 0 and (beyond(t_i, n_i) or beyond(t_j, n_j) or beyond(t_k, n_k)):
+        out[p] = outside

@@ -1,0 +1,183 @@
+"""The OpenCL backend: GPUs, and CPUs through PoCL."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.device.pocl import name_processor
+from gpubspline.errors import BackendUnavailable, InputError
+
+CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0
+GPU_GROUP = 64
+SIGNATURE = re.compile(r"__kernel\s+(__attribute__\(\(vec_type_hint\(realv\)\)\)\s+)?void\s+(\w+)\s*\(([^)]*)\)")
+
+
+def _import_opencl() -> Any:
+    try:
+        import pyopencl
+    except ImportError as error:
+        raise BackendUnavailable(
+            f"PyOpenCL does not import ({error}); install it: pip install pyopencl[pocl]"
+        ) from None
+    return pyopencl
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCLBuffer:
+    """Device memory with the shape and type it was made with."""
+
+    memory: Any
+    shape: tuple[int, ...]
+    dtype: "np.dtype[Any]"
+
+    @property
+    def size(self) -> int:
+        """Elements, padding left out."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+
+class OpenCLDevice:
+    """One OpenCL device. On a CPU, buffers are mapped into host memory and nothing is copied on the way back."""
+
+    backend = "opencl"
+
+    def __init__(self, opencl: Any, device: Any, name: str, real: "np.dtype[Any]") -> None:
+        if real == np.float64 and not device.double_fp_config:
+            raise BackendUnavailable(f"expected a device with float64, got {device.name}, which has none")
+        self._opencl = opencl
+        self.name = name
+        self.label = device.name.strip()
+        self.real = real
+        self._is_cpu = bool(device.type & opencl.device_type.CPU)
+        self._lanes = CPU_LANES if self._is_cpu else 1
+        if self._is_cpu and device.platform.name == "Portable Computing Language":
+            name_processor(device)
+        self._context = opencl.Context([device])
+        self._queue = opencl.CommandQueue(self._context)
+        self._kernels: dict[str, tuple[Any, bool]] = {}
+
+    def put(self, array: Any) -> OpenCLBuffer:
+        """Upload, flattened in memory order; what is on an OpenCL device already comes back as it is."""
+        if isinstance(array, OpenCLBuffer):
+            return array
+        values = np.asarray(array)
+        buffer = self.empty(values.size, self.real if values.dtype.kind == "f" else np.int32)
+        flat = values.ravel(order="K")
+        if self._is_cpu:
+            self._map(buffer, self._opencl.map_flags.WRITE)[:] = flat
+        elif flat.size:
+            self._opencl.enqueue_copy(self._queue, buffer.memory, np.ascontiguousarray(flat, dtype=buffer.dtype))
+        return buffer
+
+    def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> OpenCLBuffer:
+        """Reserve a buffer, padded by the lanes that a kernel may read past its end."""
+        shape = (shape,) if isinstance(shape, int) else tuple(int(n) for n in shape)
+        kind = np.dtype(self.real if dtype is None else dtype)
+        padded = int(np.prod(shape, dtype=np.int64)) + self._lanes
+        flags = self._opencl.mem_flags.READ_WRITE
+        if self._is_cpu:
+            flags |= self._opencl.mem_flags.ALLOC_HOST_PTR
+        return OpenCLBuffer(self._opencl.Buffer(self._context, flags, padded * kind.itemsize), shape, kind)
+
+    def get(self, buffer: OpenCLBuffer) -> NDArray[Any]:
+        """Download; on a CPU the array is the buffer's own memory."""
+        self.wait()
+        if self._is_cpu:
+            return self._map(buffer, self._opencl.map_flags.READ).reshape(buffer.shape)
+        values = np.empty(buffer.shape, buffer.dtype)
+        if values.size:
+            self._opencl.enqueue_copy(self._queue, values, buffer.memory)
+        return values
+
+    def _map(self, buffer: OpenCLBuffer, flags: int) -> NDArray[Any]:
+        if not buffer.size:
+            return np.empty(0, buffer.dtype)
+        array, _ = self._opencl.enqueue_map_buffer(self._queue, buffer.memory, flags, 0, (buffer.size,), buffer.dtype)
+        return np.asarray(array)
+
+    def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
+        """Run a kernel; OpenCL counts dimensions from the fastest."""
+        function, in_lanes = self._kernel(kernel)
+        shape = [dim] if isinstance(dim, int) else [int(n) for n in reversed(dim)]
+        if 0 in shape:
+            return
+        if in_lanes:
+            shape[0] = -(-shape[0] // self._lanes)
+        group = None
+        if not self._is_cpu:
+            shape[0] = -(-shape[0] // GPU_GROUP) * GPU_GROUP
+            group = (GPU_GROUP,) + (1,) * (len(shape) - 1)
+        function(self._queue, tuple(shape), group, *(self._argument(value) for value in args))
+
+    def _argument(self, value: Any) -> Any:
+        if isinstance(value, OpenCLBuffer):
+            return value.memory
+        if isinstance(value, float | np.floating):
+            return self.real.type(value)
+        return np.int32(value)
+
+    def _kernel(self, kernel: str) -> tuple[Any, bool]:
+        if kernel not in self._kernels:
+            file = kernel.partition(".")[0]
+            text = _source(file)
+            program = self._opencl.Program(self._context, _source("lanes", "h") + text).build(options=self._options)
+            for hint, name, _ in SIGNATURE.findall(text):
+                self._kernels[f"{file}.{name}"] = (self._opencl.Kernel(program, name), bool(hint))
+        return self._kernels[kernel]
+
+    @cached_property
+    def _options(self) -> list[str]:
+        type_name = "double" if self.real == np.float64 else "float"
+        single = [] if self.real == np.float64 else ["-cl-single-precision-constant"]
+        return [f"-Dreal={type_name}", f"-DLANES={self._lanes}", *single]
+
+    def wait(self) -> None:
+        """Return when everything launched has finished."""
+        self._queue.finish()
+
+
+@lru_cache(maxsize=None)
+def _source(file: str, ending: str = "cl") -> str:
+    return (resources.files("gpubspline.kernels") / f"{file}.{ending}").read_text()
+
+
+def _devices() -> list[tuple[str, Any]]:
+    opencl = _import_opencl()
+    try:
+        platforms = opencl.get_platforms()
+    except opencl.LogicError:
+        platforms = []
+    found = [
+        (f"opencl:{p}:{d}", device)
+        for p, platform in enumerate(platforms)
+        for d, device in enumerate(platform.get_devices())
+    ]
+    if not found:
+        raise BackendUnavailable("no OpenCL device is present; install the CPU one: pip install pyopencl[pocl]")
+    return found
+
+
+def open_device(rest: str, real: "np.dtype[Any]") -> Device:
+    """``rest``: ``""`` (a GPU where there is one, else the first device) or ``"PLATFORM:DEVICE"``."""
+    found = _devices()
+    opencl = _import_opencl()
+    if not rest:
+        found.sort(key=lambda row: not row[1].type & opencl.device_type.GPU)
+        name, device = found[0]
+        return OpenCLDevice(opencl, device, name, real)
+    wanted = f"opencl:{rest}" + (":0" if rest.isdigit() else "")
+    for name, device in found:
+        if name == wanted:
+            return OpenCLDevice(opencl, device, name, real)
+    raise BackendUnavailable(f"expected one of {', '.join(name for name, _ in found)}, got opencl:{rest}")
+
+
+def list_devices() -> list[tuple[str, str]]:
+    """Name and description of each device."""
+    return [(name, f"{device.platform.name}: {device.name.strip()}") for name, device in _devices()]

@@ -1,0 +1,61 @@
+"""PoCL on processors that are newer than the compiler inside its wheel.
+
+The PoCL 3.0 of PyPI holds LLVM 14. On an x86-64 processor that LLVM 14 cannot name (AMD Zen 4 and 5, recent Intel) it
+asks its own compiler for the target "generic", which that compiler refuses, so that no kernel builds
+(pocl/pocl#1049). The name is a string that the device structure points to. Here the pointer is moved to a name that
+the compiler knows and the processor is a superset of.
+"""
+
+import ctypes
+import os
+import platform
+import struct
+from pathlib import Path
+from typing import Any
+
+UNKNOWN = b"generic\0"
+STRUCTURE_BYTES = 1024
+TARGETS = (  # LLVM's name, and the flags of /proc/cpuinfo it needs, best first
+    (b"skylake-avx512", {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl", "avx2", "fma", "bmi2", "adx"}),
+    (b"haswell", {"avx2", "fma", "bmi1", "bmi2", "movbe", "f16c"}),
+    (b"x86-64", set[str]()),
+)
+_NAMES = {name: ctypes.create_string_buffer(name) for name, _ in TARGETS}  # must outlive every device
+
+
+def name_processor(device: Any) -> None:
+    """Give a PoCL CPU device a target its compiler knows, where it has none; otherwise change nothing."""
+    if platform.machine() != "x86_64" or not Path("/proc/self/mem").exists():
+        return
+    fields = _pointers_to(UNKNOWN, device.int_ptr)
+    if fields:
+        ctypes.c_void_p.from_address(fields[0]).value = ctypes.addressof(_NAMES[_target()])
+
+
+def _pointers_to(text: bytes, structure: int) -> list[int]:
+    """Addresses of the pointers in a structure that point to ``text``, read without risk of a fault."""
+    found = []
+    memory = os.open("/proc/self/mem", os.O_RDONLY)
+    try:
+        for offset in range(0, STRUCTURE_BYTES, 8):
+            address = _read(memory, 8, structure + offset)
+            if len(address) == 8 and _read(memory, len(text), struct.unpack("=Q", address)[0]) == text:
+                found.append(structure + offset)
+    finally:
+        os.close(memory)
+    return found
+
+
+def _read(memory: int, count: int, address: int) -> bytes:
+    if not 4096 <= address < 1 << 47:
+        return b""
+    try:
+        return os.pread(memory, count, address)
+    except OSError:  # no such page
+        return b""
+
+
+def _target() -> bytes:
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    flags = set(next((line for line in lines if line.startswith("flags")), "").split())
+    return next(name for name, needed in TARGETS if needed <= flags)

@@ -1,0 +1,135 @@
+"""The Warp backend: CUDA devices, and the CPU through Warp's own compiler."""
+
+import ctypes.util
+import importlib
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.errors import BackendUnavailable, InputError
+
+
+def _import_warp() -> Any:
+    try:
+        import warp
+    except ImportError as error:
+        raise BackendUnavailable(f"Warp does not import ({error}); install it: pip install warp-lang") from None
+    warp.config.log_level = warp.LOG_ERROR
+    with nullcontext() if _cuda_driver() else _native_errors_hidden():
+        warp.init()
+    return warp
+
+
+@contextmanager
+def _native_errors_hidden() -> Iterator[None]:
+    """Keep Warp's native code from writing to the terminal that there is no CUDA driver, which is known already."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _cuda_driver() -> bool:
+    """Whether a CUDA driver is installed; asked before Warp is imported, which takes most of a second."""
+    return ctypes.util.find_library("nvcuda" if os.name == "nt" else "cuda") is not None
+
+
+class WarpDevice:
+    """One Warp device. On the CPU a launch runs on one thread, so its outermost dimension is split over a thread pool."""
+
+    backend = "warp"
+
+    def __init__(self, warp: Any, alias: str, real: "np.dtype[Any]") -> None:
+        self._warp = warp
+        self._device = warp.get_device(alias)
+        self.name = f"warp:{alias}"
+        self.label = self._device.name
+        self.real = real
+        self._real = warp.float64 if real == np.float64 else warp.float32
+        self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
+
+    def put(self, array: Any) -> Any:
+        """Upload, flattened in memory order; what is on a Warp device already comes back as it is."""
+        if isinstance(array, self._warp.array):
+            return array
+        values = np.asarray(array)
+        dtype = self.real if values.dtype.kind == "f" else np.int32
+        flat = np.ascontiguousarray(values.ravel(order="K"), dtype=dtype)
+        return self._warp.array(flat, device=self._device, copy=True)
+
+    def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
+        """Reserve a buffer; kernels see it flat."""
+        kind = np.dtype(self.real if dtype is None else dtype)
+        return self._warp.empty(shape, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
+
+    def get(self, buffer: Any) -> NDArray[Any]:
+        """Download."""
+        return np.asarray(buffer.numpy())
+
+    def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
+        """Run a kernel; the start of each thread's share is its last argument, ``first``."""
+        file, _, name = kernel.partition(".")
+        function = getattr(importlib.import_module(f"gpubspline.kernels.{file}"), name)
+        shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
+        if 0 in shape:
+            return
+        inputs = [self._argument(value) for value in args]
+        self._warp_launch(function, shape, inputs)
+
+    def _warp_launch(self, function: Any, shape: tuple[int, ...], inputs: list[Any]) -> None:
+        shares = min(self._threads, shape[0]) if self._pool else 1
+        bounds = np.linspace(0, shape[0], shares + 1).astype(int)
+
+        def run(share: int) -> None:
+            start, stop = int(bounds[share]), int(bounds[share + 1])
+            self._warp.launch(function, (stop - start, *shape[1:]), inputs=[*inputs, start], device=self._device)
+
+        run(0)  # compiles where that is still to do, so that no two threads do
+        if self._pool and shares > 1:
+            list(self._pool.map(run, range(1, shares)))
+
+    def _argument(self, value: Any) -> Any:
+        if isinstance(value, self._warp.array):
+            return value if value.ndim == 1 else value.flatten()
+        if isinstance(value, float | np.floating):
+            return self._real(value)
+        return int(value)
+
+    def wait(self) -> None:
+        """Return when everything launched has finished."""
+        self._warp.synchronize_device(self._device)
+
+
+def open_device(rest: str, real: "np.dtype[Any]") -> Device:
+    """``rest``: ``""`` (CUDA where there is one, else the CPU), ``"cpu"``, ``"cuda"`` or ``"cuda:N"``."""
+    kind, _, number = rest.partition(":")
+    if kind not in ("", "cpu", "cuda") or (number and not number.isdigit()):
+        raise InputError(f"expected a Warp device like warp:cpu or warp:cuda:0, got warp:{rest}")
+    if kind == "cuda" and not _cuda_driver():
+        raise BackendUnavailable("no CUDA driver is installed on this machine")
+    warp = _import_warp()
+    count = warp.get_cuda_device_count()
+    if kind == "cuda" and int(number or 0) >= count:
+        raise BackendUnavailable(f"expected a CUDA device number below {count}, got {number or 0}")
+    if kind == "":
+        kind = "cuda" if count else "cpu"
+    return WarpDevice(warp, "cpu" if kind == "cpu" else f"cuda:{number or 0}", real)
+
+
+def list_devices() -> list[tuple[str, str]]:
+    """Name and description of each device."""
+    warp = _import_warp()
+    return [(f"warp:{device.alias}", device.name) for device in warp.get_devices()]
