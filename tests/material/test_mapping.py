@@ -1,7 +1,7 @@
 """Mapping a law onto nodes: against the formulas in NumPy, at the edges of ranges, and under every policy."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from gpubspline.errors import InputError
 from gpubspline.material.laws import DensityRelation, Law, Piece
 from gpubspline.material.mapping import Material, apply_material, map_material
 from gpubspline.material.registry import law, laws
+from gpubspline.mesh.mesh import Mesh
 
 PAPER = law()
 GAPPED = Law(
@@ -107,23 +108,10 @@ def test_modulus_rises_with_hu_but_for_the_stated_jumps(name: str, device64: Dev
     assert falls.tolist() == jumps.tolist()
 
 
-@dataclass
-class Elements:
-    """What ``apply_material`` asks of a mesh."""
-
-    cells: Any
-    fields: dict[str, Any]
-    cell_fields: dict[str, Any] = field(default_factory=dict)
-
-    def with_fields(self, fields: dict[str, Any]) -> "Elements":
-        return replace(self, fields=self.fields | fields)
-
-    def with_cell_fields(self, fields: dict[str, Any]) -> "Elements":
-        return replace(self, cell_fields=self.cell_fields | fields)
-
-
-QUADS = Elements(
-    cells=np.array([[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7], [0, 1, 2, 8]]),
+QUADS = Mesh(
+    points=np.random.default_rng(3).uniform(size=(9, 3)),
+    element_type="quad4",
+    connectivity=np.array([[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7], [0, 1, 2, 8]], dtype=np.int32),
     fields={"HU": np.array([210.0, 220, 390, 400, 550, 560, 600, 610, -3000])},
 )
 
@@ -145,6 +133,24 @@ def test_default_is_the_papers_law(device: Device) -> None:
     mesh, material = apply_material(QUADS, device=device)
     assert material.law == PAPER and material.policy == "clamp"
     assert mesh.fields["nu"].tolist() == pytest.approx([0.3, 0.3, 0.36, 0.36, 0.36, 0.36, 0.36, 0.36, 0.3], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("element_type", "counts", "n_nodes"),
+    [("quad4", (5, 4), 20), ("quad8", (5, 4), 51), ("hex8", (3, 4, 2), 24), ("hex27", (3, 4, 2), 5 * 7 * 3)],
+)
+def test_element_material_of_a_structured_mesh(
+    element_type: str, counts: tuple[int, ...], n_nodes: int, device: Device
+) -> None:
+    random = np.random.default_rng(5)
+    fields = {"HU": random.uniform(0, 700, n_nodes)}
+    mesh = Mesh(random.uniform(size=(n_nodes, 3)), element_type, structure=counts, fields=fields)
+    explicit = Mesh(mesh.points, element_type, connectivity=mesh.cells, fields=fields)
+    mean = fields["HU"][mesh.cells[:, : mesh.element.n_corners]].mean(axis=1)
+    expected = np.where(mean < 350, 1, 2)
+    assert 0 < np.count_nonzero(expected == 1) < len(expected)
+    for each in (mesh, explicit):
+        assert np.array_equal(apply_material(each, device=device)[0].cell_fields["material"], expected)
 
 
 def test_mesh_without_hu(device: Device) -> None:

@@ -1,7 +1,7 @@
 """Mapping a material law onto the nodes and elements of a mesh."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,8 @@ from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import law as find_law
-
-if TYPE_CHECKING:
-    from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh import structure
+from gpubspline.mesh.mesh import Mesh
 
 POLICIES = ("clamp", "floor", "error")
 """What becomes of HU outside every range of a law."""
@@ -107,14 +106,14 @@ def _refuse(hu: NDArray[Any], material: Material) -> None:
 
 
 def apply_material(
-    mesh: "Mesh",
+    mesh: Mesh,
     law: Law | None = None,
     *,
     policy: str = "clamp",
     floor_modulus_mpa: float = FLOOR_MODULUS_MPA,
     floor_poisson: float = FLOOR_POISSON,
     device: Device | None = None,
-) -> tuple["Mesh", Material]:
+) -> tuple[Mesh, Material]:
     """Give a mesh the material of its nodal HU.
 
     Arguments
@@ -126,7 +125,7 @@ def apply_material(
     Returns
     -------
     The mesh with the nodal fields ``"density_g_cm3"``, ``"E_MPa"`` and ``"nu"``, and the element field ``"material"``,
-    (m,) int32: 1 + the index of the law's piece that holds the mean HU of the element's nodes, the nearest piece where
+    (m,) int32: 1 + the index of the law's piece that holds the mean HU of its corners, the nearest piece where
     none does, or 0 for such an element under the policy ``"floor"``. Beside it, the material of its nodes.
 
     Raises
@@ -146,6 +145,15 @@ def apply_material(
     return mesh.with_fields(fields).with_cell_fields({"material": material}), nodal
 
 
-def _element_means(mesh: "Mesh", field: str) -> NDArray[Any]:
-    """Mean of a nodal field over the nodes of each element, (m,)."""
-    return np.asarray(np.asarray(mesh.fields[field])[mesh.cells].mean(axis=1))
+def _element_means(mesh: Mesh, field: str) -> NDArray[Any]:
+    """Mean of a nodal field over the corners of each element, (m,); a structured mesh stays without its table."""
+    values = mesh.fields[field]
+    if mesh.connectivity is not None:
+        return np.asarray(values[mesh.connectivity[:, : mesh.element.n_corners]].mean(axis=1))
+    assert mesh.structure is not None
+    corners = structure.corner_nodes(mesh.element, mesh.structure)
+    means = np.reshape(values if corners is None else values[corners], mesh.structure, order="F")
+    for axis in range(means.ndim):
+        along = np.moveaxis(means, axis, 0)
+        means = np.moveaxis((along[:-1] + along[1:]) / 2, 0, axis)
+    return means.ravel(order="F")
