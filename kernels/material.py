@@ -30,8 +30,8 @@ def power_law(
     """Piece q holds lower[q] <= HU < upper[q] (the last one its upper end too).
 
     E = factor rho^exponent + offset in MPa with rho = slope HU + intercept in g/cm3. HU outside every piece: policy 0
-    moves it to the nearest end of a range, policy 1 keeps its density and gives the floor values. ``piece`` is the index
-    used, or -1 - index where HU was outside.
+    moves it to the nearest end of a range, policy 1 keeps its density and gives the floor values. ``piece`` is the
+    index used, or -1 - index where HU was outside.
     """
     i = wp.tid() + first
     value = hu[i]

@@ -1,7 +1,7 @@
 """The seam between host code and kernel backends: a device of five verbs."""
 
 import importlib
-from functools import lru_cache
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -52,7 +52,7 @@ class Device(Protocol):
         """Return when everything launched has finished."""
 
 
-@lru_cache(maxsize=None)
+@cache
 def open_device(name: str = "auto", precision: str = "float32") -> Device:
     """Open a device by name; the same name gives the same device again.
 

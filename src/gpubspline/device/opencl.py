@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from importlib import resources
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpubspline.device import Device
 from gpubspline.device.pocl import name_processor
-from gpubspline.errors import BackendUnavailable, InputError
+from gpubspline.errors import BackendUnavailable
 
 CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0
 GPU_GROUP = 64
@@ -142,7 +142,7 @@ class OpenCLDevice:
         self._queue.finish()
 
 
-@lru_cache(maxsize=None)
+@cache
 def _source(file: str, ending: str = "cl") -> str:
     return (resources.files("gpubspline.kernels") / f"{file}.{ending}").read_text()
 

@@ -47,7 +47,7 @@ def _cuda_driver() -> bool:
 
 
 class WarpDevice:
-    """One Warp device. On the CPU a launch runs on one thread, so its outermost dimension is split over a thread pool."""
+    """One Warp device; on the CPU a launch would run on one thread, so its outermost dimension is split over a pool."""
 
     backend = "warp"
 
