@@ -39,3 +39,15 @@ def device(request: pytest.FixtureRequest) -> Device:
 def device64(request: pytest.FixtureRequest) -> Device:
     """Each backend, float64."""
     return opened(request.param, "float64")
+
+
+@pytest.fixture(scope="session", params=[(backend, real) for backend in BACKENDS for real in ("float32", "float64")])
+def any_device(request: pytest.FixtureRequest) -> Device:
+    """Each backend in each precision."""
+    return opened(*request.param)
+
+
+@pytest.fixture(scope="session")
+def both_devices() -> tuple[Device, ...]:
+    """Both backends at once, float32, to be compared."""
+    return tuple(opened(backend, "float32") for backend in BACKENDS)

@@ -69,11 +69,11 @@ class Volume:
 
     def to_points(self, indices: ArrayLike) -> Floats:
         """LPS millimetres (..., 3) of the indices (i, j, k) (..., 3)."""
-        return np.asarray(indices, dtype=np.float64) @ self.affine[:3, :3].T + self.affine[:3, 3]
+        return np.asarray(np.asarray(indices, dtype=np.float64) @ self.affine[:3, :3].T + self.affine[:3, 3])
 
     def to_indices(self, points: ArrayLike) -> Floats:
         """Continuous indices (i, j, k) (..., 3) of points in LPS millimetres (..., 3)."""
-        return np.asarray(points, dtype=np.float64) @ self.inverse[:3, :3].T + self.inverse[:3, 3]
+        return np.asarray(np.asarray(points, dtype=np.float64) @ self.inverse[:3, :3].T + self.inverse[:3, 3])
 
     def crop(self, first: ArrayLike, last: ArrayLike) -> "Volume":
         """Cut out the voxels from index ``first`` (i, j, k) up to and without ``last``; every voxel keeps its place.

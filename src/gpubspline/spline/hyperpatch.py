@@ -87,14 +87,14 @@ class Hyperpatch:
         self._check_directions(len(axes), derivatives)
         planes = self._derivative(axes, device, tuple(derivatives or (0,) * len(axes)), grid=True)
         counts = [len(axis) for axis in axes]
-        return planes.reshape(-1, *counts[::-1]).T
+        return np.asarray(planes.reshape(-1, *counts[::-1]).T)
 
     def evaluate_points(self, parameters: ArrayLike, device: Device, derivatives: Sequence[int] | None = None) -> Reals:
         """Points, or one partial derivative, at scattered parameters (n, 2 or 3); returns (n, 3 + C)."""
         values = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
         self._check_directions(values.shape[-1], derivatives)
         axes = [_checked(values[:, axis]) for axis in range(values.shape[1])]
-        return self._derivative(axes, device, tuple(derivatives or (0,) * len(axes)), grid=False).T
+        return np.asarray(self._derivative(axes, device, tuple(derivatives or (0,) * len(axes)), grid=False).T)
 
     def insert_knots(self, direction: int, new: Sequence[float]) -> "Hyperpatch":
         """Add knots in one direction; the patch stays where it is and gains control points."""
