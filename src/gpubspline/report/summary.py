@@ -46,16 +46,17 @@ def summary(
 
     Returns
     -------
-    dict of plain numbers, texts, lists and dicts; what is not known is None. A quad mesh has ``area_mm2`` in place of
-    ``volume_mm3``.
+    dict of plain numbers, texts, lists and dicts; what is not known is None, as are the volumes of a quad
+    mesh and the areas of a hex mesh.
     """
-    size = "volume_mm3" if mesh.element.dimension == 3 else "area_mm2"
+    solid = mesh.element.dimension == 3
     return {
         "nodes": mesh.n_nodes,
         "elements": mesh.n_elements,
         "element_type": mesh.element_type,
         "scaled_jacobian": quality.to_dict(),
-        size: {"mesh": getattr(mesh, size), "region": region_size},
+        "volume_mm3": _pair(mesh.volume_mm3, region_size) if solid else _pair(None, None),
+        "area_mm2": _pair(None, None) if solid else _pair(mesh.area_mm2, region_size),
         "surface_distance_mm": None if distance is None else distance.to_dict(),
         "hu": _spread(mesh.fields.get("HU")),
         "modulus_mpa": _spread(mesh.fields.get("E_MPa")),
@@ -83,6 +84,10 @@ def describe_material(material: Material) -> dict[str, Any]:
         "unconfirmed": list(law.unconfirmed),
         "out_of_range_policy": material.policy,
     }
+
+
+def _pair(mesh: float | None, region: float | None) -> dict[str, float | None]:
+    return {"mesh": mesh, "region": region}
 
 
 def _spread(values: NDArray[Any] | None) -> dict[str, float] | None:
