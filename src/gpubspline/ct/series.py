@@ -124,7 +124,8 @@ def is_dicom(path: Path) -> bool:
     """Whether the file begins like DICOM: the prefix of PS3.10, or a bare data set of group 0002 or 0008."""
     with path.open("rb") as file:
         start = file.read(132)
-    return start[128:] == b"DICM" or start[:2] in (b"\x02\x00", b"\x08\x00") and start[2:4] in (b"\0\0", b"\5\0")
+    bare = start[:2] in (b"\2\0", b"\x08\0") and start[2:4] in (b"\0\0", b"\5\0")
+    return start[128:] == b"DICM" or bare
 
 
 def read_header(path: Path) -> Header | None:

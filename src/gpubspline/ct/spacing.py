@@ -26,10 +26,10 @@ def missing_slices(along_mm: Floats) -> list[int]:
     """Gaps (by the slice before them) in which slices are missing.
 
     A gap is a hole when it is about twice as wide, or wider, as the spacing around it. The spacing around a gap is the
-    greatest value that three neighbouring gaps including it all reach (a morphological opening): it follows a series whose
-    spacing changes on the way, since a new spacing holds for three gaps or more, but is not widened by one or two
-    lost slices. It never falls below the finest spacing that holds for three gaps in a row, so that one narrow gap
-    where two scans meet does not turn its neighbours into holes.
+    greatest value that three neighbouring gaps including it all reach (a morphological opening): it follows a series
+    whose spacing changes on the way, since a new spacing holds for three gaps or more, but is not widened by one or
+    two lost slices. It never falls below the finest spacing that holds for three gaps in a row, so that one narrow
+    gap where two scans meet does not turn its neighbours into holes.
 
     Arguments
     ---------
