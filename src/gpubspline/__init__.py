@@ -1,6 +1,86 @@
-"""Patient-specific finite element models from CT: B-spline solids sampled to all-hexahedral meshes with material."""
+"""Patient-specific finite element models from CT: B-spline solids sampled to all-hexahedral meshes with material.
+
+Public names are imported when first used: ``import gpubspline`` loads no kernel backend and takes no time.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from gpubspline.errors import BackendUnavailable as BackendUnavailable
 from gpubspline.errors import GpubsplineError as GpubsplineError
 from gpubspline.errors import GpubsplineWarning as GpubsplineWarning
 from gpubspline.errors import InputError as InputError
+
+if TYPE_CHECKING:
+    from gpubspline.ct.image import read_volume as read_volume
+    from gpubspline.ct.masks import read_mask as read_mask
+    from gpubspline.ct.phantom import phantom as phantom
+    from gpubspline.ct.phantom_dicom import write_phantom as write_phantom
+    from gpubspline.ct.region import Region as Region
+    from gpubspline.ct.region import otsu_threshold as otsu_threshold
+    from gpubspline.ct.region import region_from_mask as region_from_mask
+    from gpubspline.ct.region import region_from_threshold as region_from_threshold
+    from gpubspline.ct.volume import Volume as Volume
+    from gpubspline.device import list_devices as list_devices
+    from gpubspline.device import open_device as open_device
+    from gpubspline.export import read_mesh as read_mesh
+    from gpubspline.export import write as write
+    from gpubspline.material.laws import Law as Law
+    from gpubspline.material.mapping import apply_material as apply_material
+    from gpubspline.material.registry import law as law
+    from gpubspline.material.registry import laws as laws
+    from gpubspline.mesh.distance import surface_distance as surface_distance
+    from gpubspline.mesh.mesh import Mesh as Mesh
+    from gpubspline.mesh.quality import Quality as Quality
+    from gpubspline.mesh.quality import assess as assess
+    from gpubspline.mesh.quality import scaled_jacobian as scaled_jacobian
+    from gpubspline.mesh.sample import sample as sample
+    from gpubspline.report.histogram import write_histogram as write_histogram
+    from gpubspline.report.picture import write_picture as write_picture
+    from gpubspline.spline.fit import fit as fit
+    from gpubspline.spline.hyperpatch import Hyperpatch as Hyperpatch
+    from gpubspline.spline.hyperpatch import bezier as bezier
+    from gpubspline.spline.hyperpatch import hyperpatch as hyperpatch
+    from gpubspline.spline.lattice import ControlLattice as ControlLattice
+    from gpubspline.spline.lattice import control_lattice as control_lattice
+    from gpubspline.spline.model import load_model as load_model
+    from gpubspline.spline.model import save_model as save_model
+
+_HOME = {
+    "ct.image": ("read_volume",),
+    "ct.masks": ("read_mask",),
+    "ct.phantom": ("phantom",),
+    "ct.phantom_dicom": ("write_phantom",),
+    "ct.region": ("Region", "otsu_threshold", "region_from_mask", "region_from_threshold"),
+    "ct.volume": ("Volume",),
+    "device": ("list_devices", "open_device"),
+    "export": ("read_mesh", "write"),
+    "material.laws": ("Law",),
+    "material.mapping": ("apply_material",),
+    "material.registry": ("law", "laws"),
+    "mesh.distance": ("surface_distance",),
+    "mesh.mesh": ("Mesh",),
+    "mesh.quality": ("Quality", "assess", "scaled_jacobian"),
+    "mesh.sample": ("sample",),
+    "report.histogram": ("write_histogram",),
+    "report.picture": ("write_picture",),
+    "spline.fit": ("fit",),
+    "spline.hyperpatch": ("Hyperpatch", "bezier", "hyperpatch"),
+    "spline.lattice": ("ControlLattice", "control_lattice"),
+    "spline.model": ("load_model", "save_model"),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its home."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not."""
+    return sorted({*globals(), *_MODULE_OF})

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gpubspline.errors import InputError
-from gpubspline.files import whole_file
+from gpubspline.files import check_writable, whole_file
 from gpubspline.spline.hyperpatch import Hyperpatch
 
 FORMAT = "gpubspline hyperpatch 1"
@@ -24,11 +24,16 @@ def save_model(patch: Hyperpatch, path: str | Path) -> None:
     }
     if patch.weights is not None:
         parts["weights"] = patch.weights
-    path = Path(path)
-    if path.suffix != ".npz":
-        raise InputError(f"expected a model file ending in .npz, got {path.name}")
-    with whole_file(path) as temporary:
+    check_model_path(path)
+    with whole_file(Path(path)) as temporary:
         np.savez_compressed(temporary, **parts)
+
+
+def check_model_path(path: str | Path) -> None:
+    """Raise InputError unless a model file can be written there."""
+    if Path(path).suffix != ".npz":
+        raise InputError(f"expected a model file ending in .npz, got {Path(path).name}")
+    check_writable(Path(path))
 
 
 def load_model(path: str | Path) -> Hyperpatch:

@@ -1,0 +1,6 @@
+"""``python -m gpubspline``."""
+
+from gpubspline.cli import main
+
+if __name__ == "__main__":
+    main()

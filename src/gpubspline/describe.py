@@ -1,0 +1,136 @@
+"""What the command line says of a volume, a patch, a mesh, a law and a run: lines of text."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpubspline.ct.region import otsu_threshold
+from gpubspline.ct.volume import Volume
+from gpubspline.material.laws import Law
+from gpubspline.material.registry import DEFAULT_LAW
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.quality import Quality
+from gpubspline.report.histogram import text_histogram
+from gpubspline.spline.fit import FitError
+from gpubspline.spline.hyperpatch import Hyperpatch
+
+
+def volume_lines(volume: Volume) -> list[str]:
+    """Size, place and values of a CT volume, and the threshold that would be chosen for it."""
+    n = np.array(volume.shape) - 1
+    corners = volume.to_points(np.stack(np.meshgrid(*[(0, 1)] * 3), axis=-1).reshape(-1, 3) * n)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    directions = volume.affine[:3, :3] / volume.spacing_mm
+    lean = np.degrees(np.arcsin(np.clip(np.abs(directions.T @ directions - np.eye(3)).max(), 0, 1)))
+    tilt = f", sheared by {lean:.1f} degrees (gantry tilt)" if lean > 0.05 else ""
+    return [
+        f"source     {volume.source}",
+        f"voxels     {_by(volume.shape)} of {_by(volume.spacing_mm, '.4g')} mm{tilt}",
+        "extent     "
+        + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
+        + " mm LPS",
+        f"HU         {volume.hu.min():g} to {volume.hu.max():g}, Otsu's threshold {otsu_threshold(volume):.0f}",
+    ]
+
+
+def patch_lines(patch: Hyperpatch) -> list[str]:
+    """Kind, control points and extent of a hyperpatch."""
+    kind = {2: "surface", 3: "solid"}[patch.parametric_dimension]
+    low, high = patch.control[..., :3].reshape(-1, 3).min(axis=0), patch.control[..., :3].reshape(-1, 3).max(axis=0)
+    rational = ", rational" if patch.weights is not None else ""
+    return [
+        f"patch      B-spline {kind} of {_by(patch.shape)} control points, degree {_by(patch.degrees)}{rational}",
+        "extent     "
+        + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
+        + " mm LPS",
+        "channels   " + ", ".join(patch.channels),
+    ]
+
+
+def fit_lines(error: FitError) -> list[str]:
+    """Distance of a patch from its data."""
+    return [
+        f"fit        off its data by {error.mean_mm:.3g} mm on average, {error.max_mm:.3g} mm at most; "
+        f"{error.mean_hu:.3g} HU and {error.max_hu:.3g} HU"
+    ]
+
+
+def mesh_lines(mesh: Mesh) -> list[str]:
+    """Elements, extent, fields and sets of a mesh."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    lines = [
+        f"mesh       {mesh.n_elements:,} {mesh.element_type}, {mesh.n_nodes:,} nodes",
+        "extent     " + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True)) + " mm",
+    ]
+    for where, fields in (("nodal", mesh.fields), ("element", mesh.cell_fields)):
+        lines += [f"{where:10} {name} {values.min():.6g} to {values.max():.6g}" for name, values in fields.items()]
+    sets = {**mesh.node_sets, **mesh.element_sets}
+    return lines + ([f"sets       {', '.join(sets)}"] if sets else [])
+
+
+def quality_figures(mesh: Mesh, quality: Quality) -> dict[str, Any]:
+    """Figures of a mesh file's elements, for JSON."""
+    head = {"nodes": mesh.n_nodes, "elements": mesh.n_elements, "element_type": mesh.element_type}
+    return head | {"scaled_jacobian": quality.to_dict()}
+
+
+def quality_lines(mesh: Mesh, quality: Quality) -> list[str]:
+    """Histogram of a mesh's scaled Jacobians and where its worst elements are, numbered from 1."""
+    rows = zip(quality.worst, quality.worst_values, quality.worst_centroids_mm, strict=True)
+    worst = [f"  element {e + 1}: {v:.4f} at {c[0]:.1f}, {c[1]:.1f}, {c[2]:.1f} mm" for e, v, c in rows]
+    return [f"{mesh.n_elements:,} {mesh.element_type}", text_histogram(quality), "worst elements", *worst]
+
+
+def wrote(paths: list[Path]) -> list[str]:
+    """What was written, if anything."""
+    return ["wrote      " + ", ".join(str(path) for path in paths)] if paths else []
+
+
+def law_lines(law: Law) -> list[str]:
+    """Name, formula, range and source of a material law."""
+    lines = [f"{law.name}{' (default)' if law.name == DEFAULT_LAW else ''}: {law.title}"]
+    lines.append(
+        f"    rho {law.density.kind} = {law.density.slope_g_cm3_per_hu:.6g} HU {law.density.intercept_g_cm3:+.6g} g/cm3"
+    )
+    for piece in law.pieces:
+        shift = f" {piece.offset_mpa:+g}" if piece.offset_mpa else ""
+        power = f"{piece.factor_mpa:g} rho^{piece.exponent:g}{shift}"
+        lines.append(f"    {piece.lower_hu:.0f} to {piece.upper_hu:.0f} HU: E = {power} MPa, nu = {piece.poisson:g}")
+    return [*lines, f"    {law.citation}", *(f"    unconfirmed: {what}" for what in law.unconfirmed)]
+
+
+def summary_lines(figures: dict[str, Any]) -> list[str]:
+    """The figures of a run that a person wants first."""
+    quality = figures["scaled_jacobian"]
+    lines = [
+        f"mesh       {figures['elements']:,} {figures['element_type']}, {figures['nodes']:,} nodes",
+        f"quality    scaled Jacobian {quality['min']:.3f} to 1, mean {quality['mean']:.3f}; "
+        f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
+        f"{quality['inverted']} inverted",
+    ]
+    size, distance = figures["volume_mm3"], figures["surface_distance_mm"]
+    if size["mesh"] is not None:
+        of_region = "" if size["region"] is None else f", region {size['region']:,.0f} mm3"
+        lines.append(f"volume     mesh {size['mesh']:,.0f} mm3{of_region}")
+    if distance is not None:
+        lines.append(
+            f"surface    {distance['mean']:.2f} mm from the region's on average, 95 % within {distance['p95']:.2f}, "
+            f"at most {distance['max']:.2f} mm"
+        )
+    if figures["threshold_hu"] is not None:
+        lines.append(f"threshold  {figures['threshold_hu']:.0f} HU")
+    hu, modulus, law = figures["hu"], figures["modulus_mpa"], figures["law"]
+    lines.append(
+        f"material   HU {hu['min']:.0f} to {hu['max']:.0f}, E {modulus['min']:.0f} to {modulus['max']:.0f} MPa"
+    )
+    if figures["out_of_range_nodes"]:
+        lines.append(
+            f"           {figures['out_of_range_nodes']:,} of {figures['nodes']:,} nodes outside the law {law['name']} "
+            f"({law['range_hu'][0]:.0f} to {law['range_hu'][1]:.0f} HU): {law['out_of_range_policy']}"
+        )
+    return [*lines, f"ran on     {figures['backend']}, {figures['device']}, {figures['seconds']['total']:.1f} s"]
+
+
+def _by(values: Any, form: str = "") -> str:
+    return " x ".join(format(value, form) for value in values)

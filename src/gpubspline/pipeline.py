@@ -1,0 +1,91 @@
+"""The flow, as code: files, volume, region, control lattice, hyperpatch, mesh, material, summary."""
+
+from typing import Any
+
+from gpubspline.clock import Clock
+from gpubspline.ct.image import read_volume
+from gpubspline.ct.masks import read_mask
+from gpubspline.ct.region import Region, otsu_threshold, region_from_mask, region_from_threshold
+from gpubspline.ct.volume import Volume
+from gpubspline.ct.window import Window, crop, find_window
+from gpubspline.device import Device
+from gpubspline.errors import InputError
+from gpubspline.material.mapping import apply_material
+from gpubspline.mesh.distance import surface_distance
+from gpubspline.mesh.quality import assess
+from gpubspline.mesh.sample import sample
+from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
+from gpubspline.report.summary import summary
+from gpubspline.spline.fit import fit
+from gpubspline.spline.hyperpatch import Hyperpatch
+from gpubspline.spline.lattice import control_lattice, data_shape, default_shape
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | None]:
+    """Read the CT and find the body: by mask, by threshold, or by Otsu's threshold where neither is given."""
+    if source.mask is not None and source.threshold_hu is not None:
+        raise InputError("expected a threshold or a mask, got both")
+    if source.label is not None and source.mask is None:
+        raise InputError("expected a label together with a mask file, got a label alone")
+    with clock.stage("read"):
+        whole = read_volume(source.path, progress=clock.advance, **source.reading)
+        mask = None if source.mask is None else read_mask(source.mask, whole, source.label)
+    with clock.stage("region"):
+        window = _window(source, whole)
+        volume = crop(whole, window)
+        options: dict[str, Any] = {"fill": source.fill, "fill_axis": AXES.get(source.axis, 2)}
+        if mask is not None:
+            options["smoothing_mm"] = source.smoothing_mm
+            return volume, region_from_mask(volume, mask[window.slices], **options), None
+        threshold = otsu_threshold(volume) if source.threshold_hu is None else source.threshold_hu
+        options["smoothing_mm"] = source.smoothing_mm or 0.0
+        return volume, region_from_threshold(volume, threshold, **options), threshold
+
+
+def _window(source: Source, volume: Volume) -> Window:
+    axis = AXES.get(source.axis)
+    if source.slice_index is not None and axis is None:
+        raise InputError("expected the axis x, y or z for one slice, got long, whose slices are no voxels'")
+    return find_window(volume, source.box_mm, source.slices, source.slice_index, 2 if axis is None else axis)
+
+
+def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) -> Fitted:
+    """Read the CT, find the body, lay the control lattice through it and make the hyperpatch."""
+    volume, region, threshold = find_region(source, clock)
+    only = None if source.slice_index is None else 0  # the volume is cropped to the slice
+    with clock.stage("lattice"):
+        shape = shaping.control or default_shape(region, source.axis, only)
+        laid = data_shape(region, source.axis, only) if shaping.fit == "least-squares" else shape
+        options: dict[str, Any] = {"axis": source.axis, "slice_index": only, "interpolation": shaping.interpolation}
+        lattice = control_lattice(volume, region, laid, **options)
+    with clock.stage("fit"):
+        degree = shaping.degree * len(shape) if len(shaping.degree) == 1 else shaping.degree
+        made = fit(lattice, shaping.fit, degree=degree, control=shape, device=device)
+    return Fitted(region, threshold, made, shaping.fit)
+
+
+def sample_patch(patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock) -> Model:
+    """Sample a hyperpatch, map the material onto its nodes and judge its elements."""
+    nodes = sampling.nodes or patch.shape
+    with clock.stage("sample"):
+        mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
+    with clock.stage("material"):
+        mesh, material = apply_material(mesh, sampling.law, device=device, **sampling.policy)
+    with clock.stage("quality"):
+        mesh, quality = assess(mesh, device)
+    return Model(mesh, quality, material)
+
+
+def summarise(model: Model, device: Device, clock: Clock, fitted: Fitted | None = None) -> dict[str, Any]:
+    """Collect the figures of a run; those that need the CT are None where the model came from a file."""
+    known: dict[str, Any] = {"material": model.material}
+    if fitted is not None:
+        with clock.stage("distance"):
+            known["distance"] = surface_distance(model.mesh, fitted.region, device)
+            known["region_size"] = fitted.region.size(model.mesh.element.dimension)
+        error = fitted.fit.error
+        known |= {"threshold_hu": fitted.threshold_hu, "fit": fitted.method}
+        known |= {"fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
+    return summary(model.mesh, model.quality, device, clock.seconds, **known)

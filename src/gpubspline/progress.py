@@ -1,0 +1,53 @@
+"""The stages of a run on a terminal, as they go."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+from gpubspline.clock import Clock
+
+
+class ShownClock(Clock):
+    """A clock whose present stage stands on stderr with its time, and a bar where its length is known."""
+
+    def __init__(self, shown: bool) -> None:
+        super().__init__()
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description:9}"),
+            BarColumn(32),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        self._progress = Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown)
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> "ShownClock":
+        """Begin to show."""
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the terminal as it was."""
+        self._progress.stop()
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Run a block as one stage, shown while it runs."""
+        self._task = self._progress.add_task(name, total=None)
+        try:
+            with super().stage(name):
+                yield
+        finally:
+            self._progress.update(self._task, total=1, completed=1)
+            self._task = None
+
+    def advance(self, done: int, total: int) -> None:
+        """Move the bar of the present stage."""
+        if self._task is not None:
+            self._progress.update(self._task, completed=done, total=total)

@@ -1,0 +1,70 @@
+"""What a run is asked for, and what it gives: the parts that pass between the stages of the flow."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gpubspline.ct.region import Region
+from gpubspline.material.laws import Law
+from gpubspline.material.mapping import Material
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.quality import Quality
+from gpubspline.spline.fit import Fit
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the CT is, which part of it, and what in it is the body."""
+
+    path: str | Path | Sequence[str | Path]
+    threshold_hu: float | None = None
+    mask: Path | None = None
+    label: int | None = None
+    box_mm: tuple[float, ...] | None = None
+    slices: tuple[int | None, int | None] | None = None
+    slice_index: int | None = None
+    axis: str = "z"
+    fill: str = "slice"
+    smoothing_mm: float | None = None
+    reading: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Shaping:
+    """How the hyperpatch is made: control counts and degrees for each direction, the fit and the resampling of HU."""
+
+    control: tuple[int, ...] | None = None
+    degree: tuple[int, ...] = (3,)
+    fit: str = "control"
+    interpolation: str = "linear"
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How the mesh is made from the patch."""
+
+    law: Law
+    nodes: tuple[int, ...] | None = None
+    order: int = 1
+    element_type: str | None = None
+    policy: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The body found in the CT and the hyperpatch through it."""
+
+    region: Region
+    threshold_hu: float | None
+    fit: Fit
+    method: str
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A mesh whose every node has place, HU, density and stiffness, and what is known about it."""
+
+    mesh: Mesh
+    quality: Quality
+    material: Material
