@@ -1,0 +1,199 @@
+"""A finite element mesh whose nodes and elements carry named fields and sets."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.errors import BackendUnavailable, InputError
+from gpubspline.mesh import measure, structure
+from gpubspline.mesh.elements import Element, find_element
+
+Fields = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Nodes and elements of one type, with fields and sets by name.
+
+    A structured mesh has no table of connectivity: it is implied by ``structure`` and spelled out when ``cells`` is
+    asked for. Nodes and elements are numbered from 0, along u, then v, then w.
+
+    Attributes
+    ----------
+    points: (n, 3) float32 or float64, mm, LPS, Fortran-ordered: the memory is the planes x[], y[], z[].
+    element_type: ``"quad4"``, ``"quad8"``, ``"quad9"``, ``"hex8"``, ``"hex20"`` or ``"hex27"``.
+    structure: corner nodes per direction (n_u, n_v[, n_w]) of a structured mesh, else None.
+    connectivity: (m, k) int32 node numbers of each element in VTK's vertex order (drawn in ``elements.py``), else None.
+    fields: (n,) each, values at nodes: ``HU``, ``density_g_cm3``, ``E_MPa``, ``nu``.
+    cell_fields: (m,) each, values of elements: ``scaled_jacobian``, ``material``.
+    node_sets: node numbers by name; a sampled mesh has its sides ``u0`` to ``w1`` and ``surface``, all of them.
+    element_sets: element numbers by name; a sampled mesh has ``body``, all of them.
+
+    Raises
+    ------
+    InputError where shapes, node numbers or names do not fit each other.
+    """
+
+    points: NDArray[Any]
+    element_type: str
+    structure: tuple[int, ...] | None = None
+    connectivity: NDArray[np.int32] | None = None
+    fields: Fields = field(default_factory=dict)
+    cell_fields: Fields = field(default_factory=dict)
+    node_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
+    element_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check once, at the door, and bring the points into planes."""
+        points = np.asarray(self.points)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"expected points of shape (n, 3), got {points.shape}")
+        if points.dtype not in (np.float32, np.float64):
+            points = points.astype(np.float64)
+        object.__setattr__(self, "points", np.asfortranarray(points))
+        self._check_elements()
+        for kind, given, count in (("node", self.fields, self.n_nodes), ("element", self.cell_fields, self.n_elements)):
+            for name, values in given.items():
+                if np.shape(values) != (count,):
+                    raise InputError(f"expected {count} values in the {kind} field {name}, got {np.shape(values)}")
+        for kind, sets, count in (
+            ("node", self.node_sets, self.n_nodes),
+            ("element", self.element_sets, self.n_elements),
+        ):
+            for name, members in sets.items():
+                if len(members) and not 0 <= members.min() <= members.max() < count:
+                    raise InputError(f"expected numbers from 0 to {count - 1} in the {kind} set {name}")
+
+    def _check_elements(self) -> None:
+        if (self.structure is None) == (self.connectivity is None):
+            raise InputError("expected either a structure or connectivity")
+        if self.structure is not None:
+            if len(self.structure) != self.element.dimension or min(self.structure) < 2:
+                wanted = f"{self.element.dimension} counts of at least 2"
+                raise InputError(f"expected {wanted} as structure of {self.element_type}, got {self.structure}")
+            count = structure.count_nodes(self.element, self.structure)
+            if count != self.n_nodes:
+                raise InputError(f"expected {count} nodes for the structure {self.structure}, got {self.n_nodes}")
+            return
+        cells = np.ascontiguousarray(self.connectivity, dtype=np.int32)
+        if cells.ndim != 2 or cells.shape[1] != self.element.n_nodes:
+            raise InputError(f"expected cells of shape (m, {self.element.n_nodes}), got {cells.shape}")
+        if cells.size and not 0 <= cells.min() <= cells.max() < self.n_nodes:
+            raise InputError(f"expected node numbers from 0 to {self.n_nodes - 1}, got {cells.min()} to {cells.max()}")
+        object.__setattr__(self, "connectivity", cells)
+
+    @property
+    def element(self) -> Element:
+        """The element type: vertices, sides, shape functions."""
+        return find_element(self.element_type)
+
+    @property
+    def planes(self) -> NDArray[Any]:
+        """(3, n) C-contiguous view of the points: x[], y[], z[]."""
+        return self.points.T
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.points)
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        if self.structure is not None:
+            return structure.count_elements(self.structure)
+        return 0 if self.connectivity is None else len(self.connectivity)
+
+    @cached_property
+    def cells(self) -> NDArray[np.int32]:
+        """(m, k) int32 node numbers of each element in VTK's vertex order."""
+        return self.cells_of(np.arange(self.n_elements)) if self.connectivity is None else self.connectivity
+
+    def cells_of(self, elements: NDArray[Any]) -> NDArray[np.int32]:
+        """Node numbers (m, k) int32 of the given elements (m,) alone."""
+        if self.connectivity is not None:
+            return self.connectivity[elements]
+        assert self.structure is not None
+        return structure.cells_of(self.element, self.structure, elements)
+
+    def boundary(self, side: str | None = None) -> NDArray[np.int32]:
+        """Outward faces of the boundary, or of one side (``"u0"`` to ``"w1"``) of a structured mesh.
+
+        Returns
+        -------
+        (f, k) int32 node numbers in VTK's vertex order: quads of a hex mesh, edges of a quad mesh, of the same order as
+        the elements. Faces shared by two elements are inside.
+
+        Raises
+        ------
+        InputError where the side is not one that the mesh has.
+        """
+        element = self.element
+        if self.structure is not None:
+            if side is not None and side not in element.sides:
+                raise InputError(f"expected a side of {', '.join(element.sides)}, got {side!r}")
+            along = ((name, structure.elements_at(self.structure, name)) for name in (side and [side]) or element.sides)
+            return np.concatenate([self.cells_of(elements)[:, element.sides[name]] for name, elements in along])
+        if side is not None:
+            raise InputError(f"expected a structured mesh to have a side {side!r}, got one with explicit cells")
+        faces = self.cells[:, list(element.sides.values())].reshape(-1, len(element.sides["u0"]))
+        corners = np.sort(faces[:, : len(element.side_corners["u0"])], axis=1)
+        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
+        return np.asarray(faces[np.sort(first[count == 1])])
+
+    @cached_property
+    def volume_mm3(self) -> float:
+        """Sum of the signed volumes of the hexes, mm3, exact for straight and for curved sides.
+
+        Raises InputError for a mesh of quads.
+        """
+        if self.element.dimension != 3:
+            raise InputError(f"expected hexes to have a volume, got {self.element_type}; ask for area_mm2")
+        return measure.enclosed_volume_mm3(self.planes, self.boundary(), self.element.side_name)
+
+    @cached_property
+    def area_mm2(self) -> float:
+        """Area of the quads, or of the surface of the hexes, mm2."""
+        surface = self.element.dimension == 2
+        faces, kind = (self.cells, self.element_type) if surface else (self.boundary(), self.element.side_name)
+        return measure.area_vector_mm2(self.planes, faces, kind)[0]
+
+    def with_fields(self, fields: Fields) -> "Mesh":
+        """Give the same mesh with more nodal fields, (n,) each; one of the same name is replaced."""
+        return replace(self, fields={**self.fields, **fields})
+
+    def with_cell_fields(self, fields: Fields) -> "Mesh":
+        """Give the same mesh with more element fields, (m,) each; one of the same name is replaced."""
+        return replace(self, cell_fields={**self.cell_fields, **fields})
+
+    def to_meshio(self) -> Any:
+        """Give a ``meshio.Mesh`` with all fields and sets."""
+        import meshio
+
+        return meshio.Mesh(
+            np.ascontiguousarray(self.points),
+            [(self.element.meshio_name, self.cells)],
+            point_data=dict(self.fields),
+            cell_data={name: [values] for name, values in self.cell_fields.items()},
+            point_sets=dict(self.node_sets),
+            cell_sets={name: [members] for name, members in self.element_sets.items()},
+        )
+
+    def to_pyvista(self) -> Any:
+        """Give a ``pyvista.UnstructuredGrid`` with all fields.
+
+        Raises BackendUnavailable where PyVista is not installed.
+        """
+        try:
+            import pyvista
+        except ImportError:
+            raise BackendUnavailable("PyVista is not installed: pip install 'gpubspline[view]'") from None
+        grid = pyvista.UnstructuredGrid({self.element.vtk_type: self.cells}, np.ascontiguousarray(self.points))
+        for name, values in self.fields.items():
+            grid.point_data[name] = values
+        for name, values in self.cell_fields.items():
+            grid.cell_data[name] = values
+        return grid

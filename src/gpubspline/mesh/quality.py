@@ -1,0 +1,143 @@
+"""Scaled Jacobian of every element, and what it says about the mesh."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Buffer, Device
+from gpubspline.errors import InputError
+from gpubspline.mesh import structure
+from gpubspline.mesh.mesh import Mesh
+
+WORST = 10
+"""How many of the worst elements a ``Quality`` names."""
+
+
+def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
+    """Scaled Jacobian of each element: the least, over its 4 or 8 corners, determinant of the unit edge vectors.
+
+    Quads lie in space: their corners' normals are measured against the normal at the centre. Of elements of order 2 the
+    corners count, with straight edges between them. An element with an edge of no length gets 0 or less, never NaN.
+
+    Returns
+    -------
+    (m,) of the device's precision, -1..1; an element of 0 or less is inverted.
+
+    Source: eqs 3.4 and 3.5 of the paper; Knupp 2000. VTK takes the hex's centre into the minimum too, which is below
+    all corners only where a corner is negative already.
+    """
+    kind = mesh.element_type.rstrip("0123456789")
+    result = device.empty(mesh.n_elements)
+    if mesh.structure is None:
+        cells = device.put(_corner_cells(mesh))
+        points = _put_points(mesh.planes, device)
+        device.launch(f"quality.{kind}_scaled_jacobian", mesh.n_elements, *points, cells, mesh.n_elements, result)
+    else:
+        corners = structure.corner_nodes(mesh.element, mesh.structure)
+        points = _put_points(mesh.planes if corners is None else mesh.planes[:, corners], device)
+        launched = structure.element_counts(mesh.structure)[::-1]
+        device.launch(f"quality.{kind}_scaled_jacobian_structured", launched, *points, *mesh.structure, result)
+    return np.asarray(device.get(result))
+
+
+def corner_scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
+    """Scaled Jacobian at each corner of each element, (m, 4) or (m, 8), in the order of the vertices."""
+    kind, n_corners = mesh.element_type.rstrip("0123456789"), mesh.element.n_corners
+    result = device.empty(n_corners * mesh.n_elements)
+    cells, points = device.put(_corner_cells(mesh)), _put_points(mesh.planes, device)
+    device.launch(f"quality.{kind}_corner_jacobian", mesh.n_elements, *points, cells, mesh.n_elements, result)
+    return np.asarray(device.get(result)).reshape(n_corners, mesh.n_elements).T
+
+
+def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:
+    return np.ascontiguousarray(mesh.cells[:, : mesh.element.n_corners])
+
+
+def _put_points(planes: NDArray[Any], device: Device) -> list[Buffer]:
+    """Coordinates from the middle of the mesh, where float32 has more digits to spare for an edge."""
+    return [device.put(plane - plane.mean(dtype=np.float64)) for plane in planes]
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """Summary of the scaled Jacobians of a mesh.
+
+    Attributes
+    ----------
+    n_elements: number of elements.
+    min, mean: of the scaled Jacobian.
+    inverted: number of elements with 0 or less.
+    fraction_below_0_1, fraction_below_0_2: share of elements below, inverted ones included.
+    fraction_above_0_5: share of elements above.
+    edges: (11,) of ten equal bins over 0..1, as in the paper's Figs. 6 to 9.
+    counts: (10,) elements per bin, each without its lower and with its upper edge; with ``inverted`` they sum to
+        ``n_elements``.
+    worst: element numbers of the worst, worst first.
+    worst_values: their scaled Jacobian.
+    worst_centroids_mm: (w, 3) the mean of their corners, LPS.
+    """
+
+    n_elements: int
+    min: float
+    mean: float
+    inverted: int
+    fraction_below_0_1: float
+    fraction_below_0_2: float
+    fraction_above_0_5: float
+    edges: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    worst: NDArray[np.int64]
+    worst_values: NDArray[np.float64]
+    worst_centroids_mm: NDArray[np.float64]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and lists, for JSON."""
+        rows = zip(self.worst.tolist(), self.worst_values.tolist(), self.worst_centroids_mm.tolist(), strict=True)
+        return {
+            "min": self.min,
+            "mean": self.mean,
+            "fraction_above_0.5": self.fraction_above_0_5,
+            "fraction_below_0.1": self.fraction_below_0_1,
+            "fraction_below_0.2": self.fraction_below_0_2,
+            "inverted": self.inverted,
+            "histogram": {"edges": self.edges.tolist(), "counts": self.counts.tolist()},
+            "worst": [{"element": e, "scaled_jacobian": v, "centroid_mm": c} for e, v, c in rows],
+        }
+
+
+def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
+    """Summarise scaled Jacobians (m,) of a mesh, and say where its worst elements are.
+
+    Raises
+    ------
+    InputError where there is not one value per element, or no element.
+    """
+    if values.shape != (mesh.n_elements,) or values.size == 0:
+        raise InputError(f"expected a scaled Jacobian for each of {mesh.n_elements} elements, got {values.shape}")
+    values = values.astype(np.float64)
+    edges = np.arange(11) / 10
+    bins = np.searchsorted(edges[1:-1], values[values > 0], side="left")
+    order = np.argsort(values, kind="stable")[:worst]
+    corners = mesh.cells_of(order)[:, : mesh.element.n_corners]
+    return Quality(
+        n_elements=values.size,
+        min=float(values.min()),
+        mean=float(values.mean()),
+        inverted=int(np.count_nonzero(values <= 0)),
+        fraction_below_0_1=float(np.mean(values < 0.1)),
+        fraction_below_0_2=float(np.mean(values < 0.2)),
+        fraction_above_0_5=float(np.mean(values > 0.5)),
+        edges=edges,
+        counts=np.bincount(bins, minlength=10),
+        worst=order,
+        worst_values=values[order],
+        worst_centroids_mm=mesh.points[corners].astype(np.float64).mean(axis=1),
+    )
+
+
+def assess(mesh: Mesh, device: Device) -> tuple[Mesh, Quality]:
+    """Give the mesh with its element field ``scaled_jacobian``, and the summary of it."""
+    values = scaled_jacobian(mesh, device)
+    return mesh.with_cell_fields({"scaled_jacobian": values}), summarise(mesh, values)

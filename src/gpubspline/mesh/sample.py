@@ -1,0 +1,99 @@
+"""From a hyperpatch to a mesh: nodes are the patch at evenly spaced parameters."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.errors import InputError
+from gpubspline.mesh import measure, structure
+from gpubspline.mesh.elements import Element, find_element
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.spline.hyperpatch import Hyperpatch
+
+_BY_ORDER = {(2, 1): "quad4", (2, 2): "quad8", (3, 1): "hex8", (3, 2): "hex20"}
+
+
+def sample(
+    patch: Hyperpatch,
+    nodes: tuple[int, ...],
+    *,
+    order: int = 1,
+    element_type: str | None = None,
+    device: Device,
+) -> Mesh:
+    """Sample a hyperpatch to a structured mesh; nodes midway along an edge lie on the patch, not on the chord.
+
+    Arguments
+    ---------
+    patch: surface or solid; its channels become nodal fields.
+    nodes: samples per parameter, which are the corner nodes: (140, 140) gives 139 x 139 elements.
+    order: 1 for quad4 or hex8, 2 for quad8 or hex20.
+    element_type: one of ``elements.MESHABLE`` instead, such as ``"quad9"`` or ``"hex27"``.
+
+    Returns
+    -------
+    Mesh with the precision of the device. A left-handed patch is mirrored here, once: the mesh's u then runs against
+    the patch's, and its side u0 is the patch's u = 1. Hexes get a positive volume; a surface runs counter-clockwise
+    seen from the positive end of the patient axis nearest to its normal.
+
+    Raises
+    ------
+    InputError where the counts or the element type do not fit the patch.
+    """
+    element = _choose_element(patch, order, element_type)
+    _check_nodes(patch, nodes)
+    parameters = [np.linspace(0.0, 1.0, n) for n in structure.lattice_counts(element, nodes)]
+    lattice = patch.evaluate_grid(parameters, device)
+    mesh = _from_lattice(lattice, patch.channels, element, nodes)
+    if _is_left_handed(mesh):
+        mesh = _from_lattice(lattice[::-1], patch.channels, element, nodes)
+    return replace(mesh, node_sets=_node_sets(mesh), element_sets={"body": np.arange(mesh.n_elements, dtype=np.int32)})
+
+
+def _choose_element(patch: Hyperpatch, order: int, element_type: str | None) -> Element:
+    dimension = patch.parametric_dimension
+    if element_type is None:
+        if (dimension, order) not in _BY_ORDER:
+            raise InputError(f"expected elements of order 1 or 2, got {order}")
+        return find_element(_BY_ORDER[dimension, order])
+    element = find_element(element_type)
+    if element.dimension != dimension:
+        kind = {2: "quads for a surface", 3: "hexes for a solid"}[dimension]
+        raise InputError(f"expected {kind} patch, got {element_type}")
+    if order not in (1, element.order):
+        raise InputError(f"expected an element type of order {order}, got {element_type}")
+    return element
+
+
+def _check_nodes(patch: Hyperpatch, nodes: tuple[int, ...]) -> None:
+    dimension = patch.parametric_dimension
+    if len(nodes) != dimension:
+        kind, wanted = {2: ("surface", "U,V"), 3: ("solid", "U,V,W")}[dimension]
+        raise InputError(f"expected nodes {wanted} for a {kind} patch, got {len(nodes)} numbers: {nodes}")
+    if min(nodes) < 2:
+        raise InputError(f"expected at least 2 nodes in every direction, got {nodes}")
+
+
+def _from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Element, nodes: tuple[int, ...]) -> Mesh:
+    """Mesh of a lattice (n_u, n_v[, n_w], 3 + C) of samples, without sets."""
+    flat = np.reshape(lattice, (-1, lattice.shape[-1]), order="F")
+    kept = structure.has_node(element, nodes)
+    if kept is not None:
+        flat = np.asfortranarray(flat[kept])
+    fields = {name: np.ascontiguousarray(flat[:, 3 + c]) for c, name in enumerate(channels)}
+    return Mesh(flat[:, :3], element.name, structure=tuple(nodes), fields=fields)
+
+
+def _is_left_handed(mesh: Mesh) -> bool:
+    if mesh.element.dimension == 3:
+        return mesh.volume_mm3 < 0
+    _, vector = measure.area_vector_mm2(mesh.planes, mesh.cells, mesh.element_type)
+    return bool(vector[np.argmax(np.abs(vector))] < 0)
+
+
+def _node_sets(mesh: Mesh) -> dict[str, NDArray[Any]]:
+    sets = {side: np.unique(mesh.boundary(side)) for side in mesh.element.sides}
+    return {**sets, "surface": np.unique(np.concatenate(list(sets.values())))}

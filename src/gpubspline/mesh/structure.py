@@ -1,0 +1,86 @@
+"""Structured meshes: which nodes an element has, without any table.
+
+Nodes are numbered along u, then v, then w. Elements of order 2 lie on a lattice of twice the density; quad8 and hex20
+have no nodes at its points with more than one odd coordinate, and what is left is numbered in the same order.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.mesh.elements import Element
+
+Counts = tuple[int, ...]
+Integers = NDArray[Any]
+
+
+def lattice_counts(element: Element, structure: Counts) -> Counts:
+    """Lattice points per direction, midway ones included, of ``structure`` corner nodes per direction."""
+    return tuple(element.order * (n - 1) + 1 for n in structure)
+
+
+def element_counts(structure: Counts) -> Counts:
+    """Elements per direction."""
+    return tuple(n - 1 for n in structure)
+
+
+def count_elements(structure: Counts) -> int:
+    """How many elements the structure has."""
+    return int(np.prod(element_counts(structure), dtype=np.int64))
+
+
+def count_nodes(element: Element, structure: Counts) -> int:
+    """How many nodes the structure has."""
+    last = [np.array([n - 1]) for n in lattice_counts(element, structure)]
+    return int(node_numbers(element, structure, last)[0]) + 1
+
+
+def node_numbers(element: Element, structure: Counts, at: list[Integers]) -> Integers:
+    """Node number at the lattice points ``at`` (one integer array per direction, broadcast against each other)."""
+    if not element.serendipity:
+        number = np.zeros((), dtype=np.int64)
+        for n, index in zip(lattice_counts(element, structure)[::-1], at[::-1], strict=True):
+            number = number * n + index
+        return number
+    (n_u, n_v), (a, b) = structure[:2], at[:2]
+    c = at[2] if element.dimension == 3 else np.zeros((), dtype=np.int64)
+    full_row = 2 * n_u - 1
+    before_planes = (c + 1) // 2 * (n_v * full_row + (n_v - 1) * n_u) + c // 2 * (n_u * n_v)
+    before_rows = np.where(c % 2 == 0, (b + 1) // 2 * full_row + b // 2 * n_u, b // 2 * n_u)
+    return np.asarray(before_planes + before_rows + np.where((b % 2 == 0) & (c % 2 == 0), a, a // 2))
+
+
+def has_node(element: Element, structure: Counts) -> NDArray[np.bool_] | None:
+    """Which lattice points carry a node, in node order, flat; None where all of them do."""
+    if not element.serendipity:
+        return None
+    odd = [np.arange(n) % 2 for n in lattice_counts(element, structure)]
+    return np.asarray(sum(np.meshgrid(*odd, indexing="ij"))).ravel(order="F") <= 1
+
+
+def cells_of(element: Element, structure: Counts, elements: Integers) -> NDArray[np.int32]:
+    """Node numbers (m, k) of the given elements (m,), which are numbered along u, then v, then w."""
+    corner = np.unravel_index(np.asarray(elements, dtype=np.int64), element_counts(structure), order="F")
+    at = [
+        element.order * index[:, None] + np.array([v[axis] * element.order // 2 for v in element.vertices])
+        for axis, index in enumerate(corner)
+    ]
+    return node_numbers(element, structure, at).astype(np.int32)
+
+
+def elements_at(structure: Counts, side: str) -> Integers:
+    """Numbers of the elements along a side, by its name (``"u0"`` to ``"w1"``)."""
+    counts, axis = element_counts(structure), "uvw".index(side[0])
+    ranges = [np.arange(n) for n in counts]
+    ranges[axis] = ranges[axis][-1:] if side[1] == "1" else ranges[axis][:1]
+    mesh = np.meshgrid(*ranges, indexing="ij")
+    return np.asarray(np.ravel_multi_index([m.ravel(order="F") for m in mesh], counts, order="F"))
+
+
+def corner_nodes(element: Element, structure: Counts) -> Integers | None:
+    """Node numbers of the corner nodes in their own order; None where every node is one."""
+    if element.order == 1:
+        return None
+    at = [2 * index for index in np.meshgrid(*(np.arange(n) for n in structure), indexing="ij", sparse=True)]
+    return node_numbers(element, structure, at).ravel(order="F")

@@ -1,0 +1,174 @@
+"""Scaled Jacobian: its mathematics, VTK's, and the summary's sums."""
+
+import numpy as np
+import pytest
+
+from gpubspline.errors import InputError
+from gpubspline.mesh import structure
+from gpubspline.mesh.elements import ELEMENTS
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.quality import assess, corner_scaled_jacobian, scaled_jacobian, summarise
+
+HEX_NEIGHBOURS = [(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)]
+
+
+def distorted(element_type, n=3000, seed=0):
+    """Separate elements of all shapes, many of them inverted, somewhere in a scanner."""
+    rng = np.random.default_rng(seed)
+    unit = np.zeros((ELEMENTS[element_type].n_nodes, 3))
+    unit[:, : ELEMENTS[element_type].dimension] = np.array(ELEMENTS[element_type].vertices) / 2
+    points = unit + rng.normal(size=(n, *unit.shape)) * rng.uniform(0, 0.6, (n, 1, 1))
+    points = 3 * points.reshape(-1, 3) + np.array([-80.0, 120.0, 300.0])
+    return Mesh(points, element_type, connectivity=np.arange(len(points)).reshape(n, -1))
+
+
+def centre_of_hexes(mesh):
+    """Determinant of the unit principal axes: VTK takes it into the minimum of a hex."""
+    x = mesh.points[mesh.cells]
+    pairs = [([1, 2, 5, 6], [0, 3, 4, 7]), ([2, 3, 6, 7], [0, 1, 4, 5]), ([4, 5, 6, 7], [0, 1, 2, 3])]
+    axes = np.stack([x[:, high].sum(axis=1) - x[:, low].sum(axis=1) for high, low in pairs], axis=1)
+    return np.linalg.det(axes / np.linalg.norm(axes, axis=2, keepdims=True))
+
+
+def vtk_scaled_jacobian(mesh):
+    pytest.importorskip("pyvista")
+    return mesh.to_pyvista().cell_quality("scaled_jacobian").cell_data["scaled_jacobian"]
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_agrees_with_vtk_on_distorted_and_inverted_elements(element_type, device, device64):
+    """1e-5 in float32, 1e-12 in float64."""
+    mesh = distorted(element_type)
+    theirs = vtk_scaled_jacobian(mesh)
+    assert 100 < (theirs < 0).sum() < 2900
+    for computer, tolerance in ((device, 1e-5), (device64, 1e-12)):
+        ours = scaled_jacobian(mesh, computer).astype(np.float64)
+        if element_type == "hex8":
+            centre = centre_of_hexes(mesh)
+            assert (ours[centre < ours - tolerance] <= 0).all()  # where VTK's centre is worse, a corner is inverted
+            ours = np.minimum(ours, centre)
+        np.testing.assert_allclose(ours, theirs, atol=tolerance, rtol=0)
+
+
+def smooth_mesh(element_type, counts=(19, 12, 7)):
+    element = ELEMENTS[element_type]
+    counts = counts[: element.dimension]
+    axes = [np.linspace(0, 1, n) for n in counts]
+    grid = np.meshgrid(*axes, indexing="ij")
+    u, v = (g.ravel(order="F") for g in grid[:2])
+    w = grid[2].ravel(order="F") if element.dimension == 3 else 0 * u
+    points = np.stack([40 * u + 9 * np.sin(3 * v), 60 * v + 9 * np.cos(4 * u) * w, 30 * w + 8 * u * v], axis=1)
+    return Mesh(points, element_type, structure=counts)
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_structured_and_explicit_kernels_agree(element_type, device64):
+    mesh = smooth_mesh(element_type)
+    explicit = Mesh(mesh.points, element_type, connectivity=mesh.cells)
+    np.testing.assert_allclose(scaled_jacobian(mesh, device64), scaled_jacobian(explicit, device64), atol=1e-14)
+    np.testing.assert_allclose(scaled_jacobian(mesh, device64), vtk_scaled_jacobian(mesh), atol=1e-12)
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_the_element_is_as_good_as_its_worst_corner(element_type, device64):
+    mesh = distorted(element_type, 500)
+    corners = corner_scaled_jacobian(mesh, device64)
+    assert corners.shape == (500, mesh.element.n_corners)
+    np.testing.assert_allclose(corners.min(axis=1), scaled_jacobian(mesh, device64), atol=1e-14)
+
+
+def test_corners_of_a_hex_are_determinants_of_unit_edges(device64):
+    mesh = distorted("hex8", 200)
+    x = mesh.points[mesh.cells]
+    for corner, neighbours in enumerate(HEX_NEIGHBOURS):
+        edges = x[:, neighbours] - x[:, [corner]]
+        expected = np.linalg.det(edges / np.linalg.norm(edges, axis=2, keepdims=True))
+        np.testing.assert_allclose(corner_scaled_jacobian(mesh, device64)[:, corner], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_rotation_translation_and_scale_change_nothing(element_type, device64):
+    mesh = distorted(element_type, 300)
+    rotation, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
+    rotation *= np.sign(np.linalg.det(rotation))
+    moved = Mesh(mesh.points @ rotation * 0.037 + 500, element_type, connectivity=mesh.cells)
+    np.testing.assert_allclose(scaled_jacobian(moved, device64), scaled_jacobian(mesh, device64), atol=1e-10)
+
+
+def test_a_mirror_turns_the_sign_of_a_parallelepiped(device64):
+    sheared = np.array([[1.0, 0, 0], [0.4, 1, 0], [0.2, -0.3, 2]])
+    points = np.array(ELEMENTS["hex8"].vertices) / 2 @ sheared
+    expected = np.prod(1 / np.linalg.norm(sheared, axis=1)) * 2
+    for sign in (1, -1):
+        mesh = Mesh(points * [sign, 1, 1], "hex8", connectivity=np.arange(8)[None])
+        assert scaled_jacobian(mesh, device64)[0] == pytest.approx(sign * expected, abs=1e-14)
+
+
+@pytest.mark.parametrize("element_type", ["quad8", "quad9", "hex20", "hex27"])
+def test_order_two_counts_its_corners(element_type, device64):
+    dimension = ELEMENTS[element_type].dimension
+    straight = {2: "quad4", 3: "hex8"}[dimension]
+    mesh = distorted(element_type, 100)
+    corners = Mesh(mesh.points, straight, connectivity=mesh.cells[:, : 2**dimension])
+    np.testing.assert_array_equal(scaled_jacobian(mesh, device64), scaled_jacobian(corners, device64))
+    assert corner_scaled_jacobian(mesh, device64).shape == (100, 2**dimension)
+
+
+@pytest.mark.parametrize("element_type", ["quad8", "quad9", "hex20", "hex27"])
+def test_structured_order_two_picks_its_corner_lattice(element_type, device64):
+    counts = (4, 3, 5)[: ELEMENTS[element_type].dimension]
+    points = np.random.default_rng(3).random((structure.count_nodes(ELEMENTS[element_type], counts), 3))
+    mesh = Mesh(points, element_type, structure=counts)
+    explicit = Mesh(points, element_type, connectivity=mesh.cells)
+    np.testing.assert_allclose(scaled_jacobian(mesh, device64), scaled_jacobian(explicit, device64), atol=1e-13)
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+@pytest.mark.parametrize("gone", [[0, 1], [0, 1, 2, 3]])
+def test_collapsed_elements_count_zero_not_nan(element_type, gone, device):
+    vertices = np.array(ELEMENTS[element_type].vertices, dtype=float)
+    points = np.zeros((len(vertices), 3))
+    points[:, : vertices.shape[1]] = vertices / 2
+    points[gone] = points[gone[0]]
+    mesh = Mesh(points, element_type, connectivity=np.arange(len(points))[None])
+    assert scaled_jacobian(mesh, device).tolist() == [0.0]
+    assert np.isfinite(corner_scaled_jacobian(mesh, device)).all()
+
+
+def test_summary_counts_every_element_once(device):
+    mesh = distorted("hex8", 2000)
+    measured, quality = assess(mesh, device)
+    values = measured.cell_fields["scaled_jacobian"].astype(float)
+    summary = quality.to_dict()
+    assert sum(summary["histogram"]["counts"]) + summary["inverted"] == 2000
+    assert summary["histogram"]["edges"] == pytest.approx(np.linspace(0, 1, 11))
+    theirs, _ = np.histogram(values[values > 0], bins=10, range=(0, 1))
+    assert summary["histogram"]["counts"] == theirs.tolist()
+    assert sum(summary["histogram"]["counts"][5:]) == pytest.approx(summary["fraction_above_0.5"] * 2000)
+    assert summary["fraction_below_0.1"] == pytest.approx(np.mean(values < 0.1))
+    assert summary["fraction_below_0.2"] == pytest.approx(np.mean(values < 0.2))
+    assert summary["mean"] == pytest.approx(values.mean())
+    assert summary["min"] == summary["worst"][0]["scaled_jacobian"] == values.min()
+
+
+def test_the_worst_elements_are_found_where_they_are():
+    mesh = smooth_mesh("hex8")
+    values = np.ones(mesh.n_elements)
+    values[[7, 100]] = -0.5, 0.2
+    quality = summarise(mesh, values, worst=2)
+    assert quality.worst.tolist() == [7, 100]
+    centre = mesh.to_pyvista().cell_centers().points[[7, 100]]
+    np.testing.assert_allclose(quality.worst_centroids_mm, centre, atol=1e-9)
+
+
+def test_values_on_and_over_the_edges_are_kept():
+    mesh = smooth_mesh("quad4", (2, 8))
+    values = np.array([-1.0, 0.0, 1e-45, 0.1, 0.5, 1.0, 1.0000001])
+    quality = summarise(mesh, values)
+    assert quality.inverted == 2
+    assert quality.counts.tolist() == [2, 0, 0, 0, 1, 0, 0, 0, 0, 2]
+
+
+def test_summary_of_other_elements_is_refused():
+    with pytest.raises(InputError, match="198 elements"):
+        summarise(smooth_mesh("quad4"), np.zeros(5))
