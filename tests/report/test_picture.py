@@ -21,7 +21,7 @@ def box(counts: tuple[int, ...] = (4, 5, 6)) -> Mesh:
     """Unit elements; the nodal field is the height, the element field the number along u."""
     grid = np.meshgrid(*(np.arange(float(n)) for n in counts), indexing="ij")
     points = np.stack([a.ravel(order="F") for a in grid], axis=1)
-    mesh = Mesh(points, "hex8", structure=counts, fields={"HU": 100 * points[:, 2], "E_MPa": 1 + points[:, 2]})
+    mesh = Mesh(points, "hex8", structure=counts, fields={"HU": 100 * points[:, 2], "E_MPa": 10 * 4 ** points[:, 2]})
     return mesh.with_cell_fields({"scaled_jacobian": np.linspace(0, 1, mesh.n_elements)})
 
 
@@ -107,6 +107,15 @@ def test_one_clip_does_not_darken_the_rest() -> None:
     assert scale.get_clim()[1] < 1001 and extend == "max"
     assert quantity("scaled_jacobian").scale(np.array([-0.4, 0.9]))[1] == "min"
     assert quantity("HU").scale(np.full(3, 7.0))[0].get_clim() == (6.5, 7.5)
+
+
+def test_modulus_over_decades_is_shown_by_its_logarithm() -> None:
+    scale, _ = quantity("E_MPa").scale(np.geomspace(50, 5000, 1000))
+    middle = scale.norm(500.0)
+    assert middle == pytest.approx(0.5, abs=0.01)
+    narrow, _ = quantity("E_MPa").scale(np.linspace(1000, 3000, 1000))
+    assert narrow.norm(2000.0) == pytest.approx(0.5, abs=0.01)
+    assert quantity("E_MPa").scale(np.array([0.0, 5000.0]))[0].norm(2500.0) == pytest.approx(0.5, abs=0.01)
 
 
 def test_degenerate_elements_are_drawn(tmp_path: Path) -> None:

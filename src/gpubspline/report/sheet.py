@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from gpubspline.errors import InputError
 from gpubspline.files import whole_file
@@ -67,6 +69,10 @@ def draw_colour_bar(figure: Figure, scale: ScalarMappable, extend: str, label: s
     """Draw the colour bar and its label at the right of the sheet; ``extend`` is matplotlib's."""
     width = figure.get_figwidth()
     bar = figure.colorbar(scale, cax=figure.add_axes((1 - 1.25 / width, 0.2, 0.2 / width, 0.58)), extend=extend)
+    if isinstance(scale.norm, LogNorm):
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        bar.minorticks_off()
     bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=9, color=FAINT, labelcolor=INK, length=3)
     bar.ax.set_title(label, fontsize=10, color=INK, pad=10, loc="left")
