@@ -81,7 +81,7 @@ def elliptic_tube(points: Floats, semi_axes: tuple[Floats | float, Floats | floa
 
 def _elliptic(scaled: Floats, axes: Floats) -> Floats:
     reach, slope = _length(scaled), _length(scaled / axes)
-    return np.asarray(np.where(slope > 0, reach * (reach - 1) / np.maximum(slope, 1e-12), -axes.min()))
+    return np.asarray(np.where(slope > 0, reach * (reach - 1) / np.maximum(slope, 1e-12), -axes.min(axis=-1)))
 
 
 def cone(points: Floats, start: tuple[float, ...], end: tuple[float, ...], radii: tuple[float, float]) -> Floats:
@@ -90,7 +90,7 @@ def cone(points: Floats, start: tuple[float, ...], end: tuple[float, ...], radii
     axis = np.array(end) - a
     along = np.clip((points - a) @ axis / (axis @ axis), 0, 1)
     centre = a + along[..., None] * axis
-    return _length(points - centre) - (radii[0] + along * (radii[1] - radii[0]))
+    return np.asarray(_length(points - centre) - (radii[0] + along * (radii[1] - radii[0])))
 
 
 def smooth_union(first: Floats, second: Floats, width_mm: float) -> Floats:

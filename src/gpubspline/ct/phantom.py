@@ -54,7 +54,7 @@ class Phantom:
         points = np.asarray(points, dtype=np.float64)
         steps = 1e-4 * np.eye(3)
         slope = np.stack([self.level(points + step) - self.level(points - step) for step in steps], axis=-1) / 2e-4
-        return self.level(points) / np.maximum(np.linalg.norm(slope, axis=-1), 1e-6)
+        return np.asarray(self.level(points) / np.maximum(np.linalg.norm(slope, axis=-1), 1e-6))
 
     def hu(self, points: Floats) -> Floats:
         """Exact HU (...) at points (..., 3) in LPS mm, before any scanner."""
@@ -93,8 +93,7 @@ class Phantom:
         parts = (np.arange(SUBSLICES) + 0.5) / SUBSLICES - 0.5
         near = points[reached]
         image[reached] = np.mean([self.body.hu(near + part * thickness, pixel_mm) for part in parts], axis=0)
-        image = image.reshape(n_j, n_i)
-        return np.asarray(ndimage.gaussian_filter(image, self.blur_mm / pixel_mm, mode="nearest"))
+        return np.asarray(ndimage.gaussian_filter(image.reshape(n_j, n_i), self.blur_mm / pixel_mm, mode="nearest"))
 
 
 def _axial(spacing_mm: tuple[float, float, float], origin: tuple[float, float, float]) -> Floats:

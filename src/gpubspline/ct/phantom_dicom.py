@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
-from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+from pydicom.uid import UID, CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 from gpubspline.ct.phantom import STORED_HU, Phantom, Progress, phantom
 from gpubspline.ct.volume import Volume
@@ -64,8 +64,8 @@ def _write_slices(made: Phantom, folder: Path, progress: Progress | None) -> Non
         _dataset(made, volume, k).save_as(folder / f"slice_{k + 1:03d}.dcm", enforce_file_format=True)
 
 
-def _uid(*names: object) -> str:
-    return str(generate_uid(entropy_srcs=["gpubspline phantom", *(str(name) for name in names)]))
+def _uid(*names: object) -> UID:
+    return generate_uid(entropy_srcs=["gpubspline phantom", *(str(name) for name in names)])
 
 
 def _dataset(made: Phantom, volume: Volume, k: int) -> Dataset:

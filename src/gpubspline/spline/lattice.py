@@ -138,9 +138,9 @@ def _one_slice(whole: Stack, index: int, axis: str) -> Stack:
 
 def _limits(slices: Stack) -> tuple[int, int, int]:
     """Most samples of a row between its ends, most rows of a slice between its ends, slices between the ends."""
-    inside = slices.distance_mm < 0
-    rows = inside.any(axis=2)
-    return _extent(inside), _extent(rows), _extent(rows.any(axis=1)[None])
+    inside = np.asarray(slices.distance_mm < 0)
+    rows = np.asarray(inside.any(axis=2))
+    return _extent(inside), _extent(rows), _extent(np.any(rows, axis=1, keepdims=True).T)
 
 
 def _extent(inside: NDArray[np.bool_]) -> int:
@@ -173,11 +173,12 @@ def _lattice_indices(distance_mm: NDArray[Any], shape: tuple[int, ...], smoothin
     w = np.zeros(1) if n_w == 1 else _slice_positions(distance_mm, n_w)
     slabs = blend(distance_mm, w, axis=0)
     ends = [fill_gaps(end[None])[0] for end in inset(*tips(slabs), slabs.shape[1] - 1, INSET)]
-    v = np.linspace(*_smooth(ends, smoothing), n_v, axis=1)  # (n_w, n_v)
+    first, final = _smooth(ends, smoothing)
+    v = np.linspace(first, final, n_v, axis=1)  # (n_w, n_v)
     enter, leave = (fill_gaps(end) for end in row_spans(blend(slabs, v, axis=1)))
     enter, leave = _smooth([enter, leave], smoothing)
     u = np.linspace(enter, leave, n_u)  # (n_u, n_w, n_v)
-    return np.stack(np.broadcast_arrays(u, v, w[:, None]), axis=-1).swapaxes(1, 2)
+    return np.asarray(np.stack(np.broadcast_arrays(u, v, w[:, None]), axis=-1).swapaxes(1, 2))
 
 
 def _slice_positions(distance_mm: NDArray[Any], n_w: int) -> Floats:

@@ -59,9 +59,9 @@ def stack(region: Region, axis: str = "z") -> Stack:
 
 def _bounds(distance_mm: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Give first and one past last index (k, j, i) of the inside, with one sample around it where the grid has one."""
-    inside = distance_mm < 0
-    rows = inside.any(axis=2)
-    hits = [rows.any(axis=1), rows.any(axis=0), inside[rows.any(axis=1)].any(axis=(0, 1))]
+    inside = np.asarray(distance_mm < 0)
+    rows = np.asarray(inside.any(axis=2))
+    hits = [np.any(rows, axis=1), np.any(rows, axis=0), np.any(inside[np.any(rows, axis=1)], axis=(0, 1))]
     if not hits[0].any():
         raise InputError("expected a region with an inside, got a distance that is negative nowhere")
     ends = [np.flatnonzero(hit)[[0, -1]] for hit in hits]

@@ -71,21 +71,20 @@ def tips(slabs: NDArray[np.float32]) -> tuple[Floats, Floats]:
 
     Returns: two (l,) float64, NaN where nothing hits.
     """
-    flat = slabs.reshape(*slabs.shape[:2], -1)
-    hits = (flat < 0).any(axis=-1)
-    last = flat.shape[1] - 1
+    hits = np.asarray((slabs < 0).any(axis=tuple(range(2, slabs.ndim))))
+    last = slabs.shape[1] - 1
     first_hit = hits.argmax(axis=1)
     last_hit = last - hits[:, ::-1].argmax(axis=1)
-    first = first_hit - _reach(flat, first_hit, np.maximum(first_hit - 1, 0))
-    final = last_hit + _reach(flat, last_hit, np.minimum(last_hit + 1, last))
+    first = first_hit - _reach(slabs, first_hit, np.maximum(first_hit - 1, 0))
+    final = last_hit + _reach(slabs, last_hit, np.minimum(last_hit + 1, last))
     some = hits.any(axis=1)
     return np.where(some, first, np.nan), np.where(some, final, np.nan)
 
 
-def _reach(flat: NDArray[np.float32], within: NDArray[Any], beyond: NDArray[Any]) -> Floats:
-    entry = np.arange(len(flat))
-    a, b = flat[entry, within], flat[entry, beyond]
-    low, high = np.zeros(len(flat)), np.ones(len(flat))
+def _reach(slabs: NDArray[np.float32], within: NDArray[Any], beyond: NDArray[Any]) -> Floats:
+    entry = np.arange(len(slabs))
+    a, b = (slabs[entry, row].reshape(len(slabs), -1) for row in (within, beyond))
+    low, high = np.zeros(len(slabs)), np.ones(len(slabs))
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         part = middle[:, None].astype(np.float32)
@@ -100,7 +99,8 @@ def inset(first: Floats, final: Floats, last: int, fraction: float) -> tuple[Flo
     A row at the very tip has no length and one just below it hardly any: the elements there would be slivers.
     """
     depth = fraction * (final - first)
-    return np.where(first > 0, first + depth, first), np.where(final < last, final - depth, final)
+    low = np.asarray(np.where(first > 0, first + depth, first))
+    return low, np.asarray(np.where(final < last, final - depth, final))
 
 
 def fill_gaps(values: Floats) -> Floats:
@@ -113,7 +113,7 @@ def fill_gaps(values: Floats) -> Floats:
     if not np.isnan(values).any():
         return values
     along_rows = np.array([_fill_line(line) for line in values])
-    return np.array([_fill_line(line) for line in along_rows.T]).T
+    return np.asarray(np.array([_fill_line(line) for line in along_rows.T]).T)
 
 
 def _fill_line(line: Floats) -> Floats:
