@@ -8,10 +8,12 @@ import SimpleITK as sitk
 from scipy import ndimage
 from scipy.interpolate import BSpline
 
-from gpubspline.ct.region import Region, region_from_threshold
+from gpubspline.ct.phantom import phantom
+from gpubspline.ct.region import Region, otsu_threshold, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
-from gpubspline.spline.lattice import ControlLattice, control_lattice, default_shape
+from gpubspline.spline import lattice as lattice_module
+from gpubspline.spline.lattice import ControlLattice, control_lattice, data_shape, default_shape
 from gpubspline.spline.reformat import stack
 from gpubspline.spline.spans import blend, fill_gaps, row_spans, tips
 
@@ -231,6 +233,15 @@ def test_default_shape_never_exceeds_the_data() -> None:
         assert control_lattice(volume, region, shape, slice_index=index).shape == shape
 
 
+def test_data_shape_is_what_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    volume, region = ellipsoid(AFFINES["axial"])
+    assert data_shape(region) == (24, 32, 36)
+    assert control_lattice(volume, region, data_shape(region)).shape == (24, 32, 36)
+    assert data_shape(region, "z", 23) == (24, 32)
+    monkeypatch.setattr(lattice_module, "LARGEST_DATA", 24 * 32 * 36 / 8)
+    assert data_shape(region) == (12, 16, 18)
+
+
 @pytest.mark.parametrize(
     ("shape", "options", "message"),
     [
@@ -338,3 +349,37 @@ def test_real_head_slices_give_good_quads(real_head: tuple[Volume, Region], inde
     assert quality.size == 19321
     assert quality.min() > 0.2
     assert (quality > 0.5).mean() >= 0.97
+
+
+PAPER = {  # samples (Figs. 4 and 5): least share above 0.5, most below 0.1 (Figs. 6 to 9), where the paper gives them
+    "child-femur": [((11, 18, 34), 0.76, 0.105)],
+    "adult-femur": [((14, 24, 46), 0.88, 0.02), ((10, 10, 30), 0, 1), ((14, 26, 46), 0, 1), ((20, 20, 50), 0, 1)],
+    "head": [((20, 80, 28), 0.91, 0.02)],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAPER)
+def test_the_papers_figures_are_met_on_the_phantoms(name: str) -> None:
+    volume = phantom(name).scan()
+    threshold = -200.0 if name == "head" else 300.0
+    for hu in (threshold, otsu_threshold(volume)):
+        region = region_from_threshold(volume, hu)
+        for nodes, good, poor in PAPER[name]:
+            for control in (nodes, default_shape(region)):
+                quality = scaled_jacobian(sampled(control_lattice(volume, region, control).points, nodes))
+                assert quality.min() > 0.02
+                assert (quality > 0.5).mean() >= good
+                assert (quality < 0.1).mean() <= poor
+
+
+@pytest.mark.slow
+def test_the_papers_head_slices_are_met_on_the_phantom() -> None:
+    volume = phantom("head").scan()
+    region = region_from_threshold(volume, -200.0)
+    for index in range(0, 55, 6):
+        lattice = control_lattice(volume, region, default_shape(region, "z", index), slice_index=index)
+        for nodes in ((140, 140), (40, 70)):
+            quality = scaled_jacobian(sampled(lattice.points, nodes))
+            assert quality.min() > 0.3
+            assert (quality > 0.5).mean() >= 0.95

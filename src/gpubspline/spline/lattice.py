@@ -17,6 +17,7 @@ DEFAULT_SHAPE = (20, 24, 46)
 DEFAULT_SLICE_SHAPE = (60, 60)
 INSET = 0.01
 SMOOTHING = 1.25
+LARGEST_DATA = 8e6  # points to fit to: 256 MB of x, y, z, HU
 ORDERS = {"linear": 1, "cubic": 3}
 CUBIC_MARGIN = 12  # voxels; the cubic prefilter forgets by 0.27 a voxel, so 1e-7 is left
 
@@ -102,6 +103,19 @@ def default_shape(region: Region, axis: str = "z", slice_index: int | None = Non
     default = DEFAULT_SHAPE if slice_index is None else DEFAULT_SLICE_SHAPE
     limits = _limits(_slices(stack(region, axis), len(default), axis, slice_index))
     return tuple(min(count, limit) for count, limit in zip(default, limits, strict=False))
+
+
+def data_shape(region: Region, axis: str = "z", slice_index: int | None = None) -> tuple[int, ...]:
+    """Give the most points that the data allow: the widest row's samples, the rows and the slices that hit the region.
+
+    Where that is more than ``LARGEST_DATA`` points, every direction gives up its share.
+
+    Returns: (n_u, n_v, n_w), or (n_u, n_v) where one slice is asked for.
+    """
+    directions = 3 if slice_index is None else 2
+    limits = _limits(_slices(stack(region, axis), directions, axis, slice_index))[:directions]
+    share = min(1.0, (LARGEST_DATA / float(np.prod(limits))) ** (1 / directions))
+    return tuple(int(limit * share) for limit in limits)
 
 
 def _slices(whole: Stack, directions: int, axis: str, slice_index: int | None) -> Stack:
