@@ -1,6 +1,8 @@
 """One door for every CT format: DICOM, NIfTI, NRRD, MetaImage and NumPy arrays to a ``Volume``."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from gpubspline.ct.dicom import Progress, read_dicom
+from gpubspline.ct.nifti import check_nifti
 from gpubspline.ct.series import is_dicom
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
@@ -23,6 +26,8 @@ FORMATS = {
     ".mhd": "MetaImage",
 }
 """Extensions read through SimpleITK."""
+
+_PERMISSIVE = "ITK_NIFTI_SFORM_PERMISSIVE"
 
 
 def read_volume(
@@ -82,8 +87,10 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
 
     Raises InputError where the file is damaged, or not one scalar value on a two- or three-dimensional grid.
     """
+    sheared = check_nifti(path).sheared_affine if format_name(path) == "NIfTI" else None
     try:
-        image = sitk.ReadImage(str(path))
+        with _quiet_itk():
+            image = sitk.ReadImage(str(path))
     except RuntimeError as error:
         raise InputError(f"cannot read {path.name} as {format_name(path)}: {_reason(error)}") from None
     if image.GetNumberOfComponentsPerPixel() != 1 or "complex" in image.GetPixelIDTypeAsString():
@@ -93,7 +100,23 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     if image.GetDimension() not in (2, 3):
         raise InputError(f"expected a three-dimensional image in {path.name}, got size {image.GetSize()}")
     samples = sitk.GetArrayFromImage(image)
-    return narrow(samples if samples.ndim == 3 else samples[None]), _affine(image)
+    return narrow(samples if samples.ndim == 3 else samples[None]), _affine(image) if sheared is None else sheared
+
+
+@contextmanager
+def _quiet_itk() -> Iterator[None]:
+    """Let ITK read grids that are not orthogonal, and say nothing on stderr meanwhile."""
+    display, permissive = sitk.ProcessObject.GetGlobalWarningDisplay(), os.environ.get(_PERMISSIVE)
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    os.environ[_PERMISSIVE] = "1"
+    try:
+        yield
+    finally:
+        sitk.ProcessObject.SetGlobalWarningDisplay(display)
+        if permissive is None:
+            del os.environ[_PERMISSIVE]
+        else:
+            os.environ[_PERMISSIVE] = permissive
 
 
 def narrow(samples: NDArray[Any]) -> NDArray[Any]:

@@ -207,7 +207,7 @@ def _fill_enclosed(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _label_level(mask: Mask, sigma: Floats) -> NDArray[np.float32]:
     """A level function of a label, negative inside, from 0.5 in to -0.5 at most."""
-    level = np.where(mask, np.float32(-0.5), np.float32(0.5))
+    level: NDArray[np.float32] = np.where(mask, np.float32(-0.5), np.float32(0.5))
     window = box_around(mask, 2 + int(np.ceil(4 * sigma.max())))
     once = _smooth(mask[window].astype(np.float32), sigma)
     smoothed = 0.5 - (2 * once - _smooth(once, sigma))

@@ -12,14 +12,14 @@ Floats = NDArray[np.float64]
 def is_uniform(along_mm: Floats) -> bool:
     """Whether positions are evenly spaced but for rounding.
 
-    A slice may be off by 1 % of the step, or by the rounding of positions written to 0.1 mm where that stays below
-    10 % of the step.
+    A slice may be off by 1 % of the step, or by what positions written to 0.1 mm make of it (0.05 mm at the slice, 0.05
+    mm at the ends) where that stays below 10 % of the step.
     """
     if len(along_mm) < 3:
         return True
     even = np.linspace(along_mm[0], along_mm[-1], len(along_mm))
     step = float(even[1] - even[0])
-    return bool(np.abs(along_mm - even).max() <= max(0.01 * step, min(0.1 * step, 0.051)))
+    return bool(np.abs(along_mm - even).max() <= max(0.01 * step, min(0.1 * step, 0.101)))
 
 
 def missing_slices(along_mm: Floats) -> list[int]:
@@ -28,8 +28,8 @@ def missing_slices(along_mm: Floats) -> list[int]:
     A gap is a hole when it is about twice as wide, or wider, as the spacing around it. The spacing around a gap is the
     greatest value that three neighbouring gaps including it all reach (a morphological opening): it follows a series
     whose spacing changes on the way, since a new spacing holds for three gaps or more, but is not widened by one or
-    two lost slices. It never falls below the finest spacing that holds for three gaps in a row, so that one narrow
-    gap where two scans meet does not turn its neighbours into holes.
+    two lost slices. It never falls below the finest spacing that occurs twice, so that one narrow gap where two scans
+    meet does not turn its neighbours into holes.
 
     Arguments
     ---------
@@ -39,9 +39,10 @@ def missing_slices(along_mm: Floats) -> list[int]:
     if len(gaps) < 2:
         return []
     around = _opening(gaps, min(3, len(gaps)))
-    steady = [gaps[i : i + 3] for i in range(len(gaps) - 2) if np.ptp(gaps[i : i + 3]) < 0.05 * gaps[i]]
-    if steady:
-        around = np.maximum(around, min(float(run.mean()) for run in steady))
+    ordered = np.sort(gaps)
+    repeated = ordered[1:][np.diff(ordered) < 0.05 * ordered[:-1]]
+    if len(repeated):
+        around = np.maximum(around, repeated[0])
     return [int(i) for i in np.flatnonzero(gaps > 1.8 * around)]
 
 
