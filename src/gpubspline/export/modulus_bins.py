@@ -1,0 +1,79 @@
+"""Elements gathered by modulus, for solvers and people who want one material per element set."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.errors import InputError
+from gpubspline.mesh.mesh import Mesh
+
+_CHUNK = 1 << 18
+"""Elements averaged at a time, which bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModulusBins:
+    """Elements by modulus.
+
+    Attributes
+    ----------
+    members: element numbers of each bin that has any.
+    modulus_mpa, poisson: (b,) of each bin, the mean of its elements.
+    density_g_cm3: (b,) the same, or None where the mesh has none.
+    largest_error, mean_error: of the bins' moduli against their elements', relative.
+    poisson_error: the largest, absolute.
+    """
+
+    members: list[NDArray[Any]]
+    modulus_mpa: NDArray[np.float64]
+    poisson: NDArray[np.float64]
+    density_g_cm3: NDArray[np.float64] | None
+    largest_error: float
+    mean_error: float
+    poisson_error: float
+
+
+def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
+    """Gather elements in bins of modulus, spaced evenly in its logarithm, so that the relative error is even.
+
+    An element's modulus is the mean of its nodes'.
+
+    Raises
+    ------
+    InputError for a number of bins below 1 or a modulus that is not positive.
+    """
+    if bins < 1:
+        raise InputError(f"expected at least 1 modulus bin, got {bins}")
+    modulus = element_means(mesh, "E_MPa")
+    if modulus.min() <= 0:
+        raise InputError(f"expected positive moduli, got {modulus.min():g} MPa")
+    logarithm = np.log(modulus)
+    span = max(float(np.ptp(logarithm)), 1e-12)
+    number = np.minimum((logarithm - logarithm.min()) / span * bins, bins - 1).astype(np.int64)
+    present, place, counts = np.unique(number, return_inverse=True, return_counts=True)
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(place, values) / counts)
+
+    poisson = element_means(mesh, "nu")
+    error = np.abs(mean(modulus)[place] / modulus - 1)
+    return ModulusBins(
+        members=[np.flatnonzero(place == b) for b in range(len(present))],
+        modulus_mpa=mean(modulus),
+        poisson=mean(poisson),
+        density_g_cm3=mean(element_means(mesh, "density_g_cm3")) if "density_g_cm3" in mesh.fields else None,
+        largest_error=float(error.max()),
+        mean_error=float(error.mean()),
+        poisson_error=float(np.abs(mean(poisson)[place] - poisson).max()),
+    )
+
+
+def element_means(mesh: Mesh, field: str) -> NDArray[np.float64]:
+    """Mean (m,) of a nodal field over the nodes of each element."""
+    values, means = mesh.fields[field].astype(np.float64), np.empty(mesh.n_elements)
+    for first in range(0, mesh.n_elements, _CHUNK):
+        elements = np.arange(first, min(first + _CHUNK, mesh.n_elements))
+        means[elements] = values[mesh.cells_of(elements)].mean(axis=1)
+    return means

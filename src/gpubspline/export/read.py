@@ -1,0 +1,103 @@
+"""Reading a mesh of any format that meshio knows."""
+
+import struct
+import warnings
+import zlib
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.export.quiet import quiet_meshio
+from gpubspline.mesh.elements import ELEMENTS, MESHABLE
+from gpubspline.mesh.mesh import Mesh
+
+_BROKEN = (
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, AssertionError, RuntimeError, StopIteration),
+    *(EOFError, OSError, ImportError, struct.error, zlib.error, ParseError, SystemExit),
+)
+"""What meshio's readers raise on files that are cut short or of another format; some end the process."""
+
+
+def read_mesh(path: str | Path) -> Mesh:
+    """Read the hexes of a file, or its quads where it has no hexes.
+
+    Returns
+    -------
+    Mesh with explicit cells, every scalar nodal and element field, and node and element sets where the format has
+    them. Fields with several components come back as one field each, ``NAME_0`` and on.
+
+    Raises
+    ------
+    InputError where the file is not there, not readable, has neither hexes nor quads, or hexes of several orders.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"expected a mesh file, got {path}, which is no file")
+    given = _read(path)
+    name = _choose_type(path, given)
+    kind = ELEMENTS[name].meshio_name
+    blocks = [number for number, block in enumerate(given.cells) if block.type == kind]
+    others = sorted({block.type for block in given.cells if block.type != kind and block.type != "vertex"})
+    if others:
+        warnings.warn(f"{path.name}: left out cells of {', '.join(others)}", GpubsplineWarning, stacklevel=2)
+    points = np.asarray(given.points)
+    if points.shape[1] == 2:
+        points = np.column_stack([points, np.zeros(len(points), dtype=points.dtype)])
+    return Mesh(
+        points,
+        name,
+        connectivity=np.concatenate([given.cells[number].data for number in blocks]),
+        fields=_scalars(given.point_data),
+        cell_fields=_scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in given.cell_data.items()}),
+        node_sets={name: np.asarray(members, dtype=np.int32) for name, members in given.point_sets.items()},
+        element_sets=_element_sets(given, blocks),
+    )
+
+
+def _read(path: Path) -> Any:
+    import meshio
+
+    with quiet_meshio():
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return meshio.read(path)
+        except (*_BROKEN, meshio.ReadError) as error:
+            words = str(error).strip().splitlines()
+            reason = words[0] if words and not isinstance(error, SystemExit) else type(error).__name__
+    raise InputError(f"expected a mesh that meshio can read, got {path.name}: {reason}")
+
+
+def _choose_type(path: Path, given: Any) -> str:
+    present = {block.type for block in given.cells if len(block.data)}
+    for dimension in (3, 2):
+        found = [
+            name for name in MESHABLE if ELEMENTS[name].dimension == dimension and ELEMENTS[name].meshio_name in present
+        ]
+        if len(found) > 1:
+            raise InputError(f"expected elements of one type, got {', '.join(found)} in {path.name}")
+        if found:
+            return found[0]
+    raise InputError(f"expected hexes or quads, got {', '.join(sorted(present)) or 'no cells'} in {path.name}")
+
+
+def _scalars(data: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    scalars = {}
+    for name, values in data.items():
+        table = np.asarray(values).reshape(len(values), -1)
+        names = [name] if table.shape[1] == 1 else [f"{name}_{c}" for c in range(table.shape[1])]
+        scalars.update({one: np.ascontiguousarray(table[:, c]) for c, one in enumerate(names)})
+    return scalars
+
+
+def _element_sets(given: Any, blocks: list[int]) -> dict[str, NDArray[Any]]:
+    first = np.cumsum([0, *(len(given.cells[b].data) for b in blocks)])
+    sets = {}
+    for name, members in given.cell_sets.items():
+        parts = [np.asarray(members[b], dtype=np.int32) + start for b, start in zip(blocks, first, strict=False)]
+        sets[name] = np.concatenate(parts).astype(np.int32)
+    return sets

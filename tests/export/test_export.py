@@ -1,0 +1,211 @@
+"""Every format: written, read back by meshio and where it can by VTK, with its fields; whole or not at all."""
+
+import warnings
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.export import can_read, check_extension, extensions, read_mesh, write
+from gpubspline.export.other import FORMATS
+from gpubspline.mesh import structure
+from gpubspline.mesh.elements import ELEMENTS, MESHABLE
+from gpubspline.mesh.mesh import Mesh
+
+VTU = {".vtu": (MESHABLE, True, True)}
+HELD = {**VTU, **{e: (form.element_types, form.nodal, form.elemental) for e, form in FORMATS.items()}}
+CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
+REFUSED = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in MESHABLE if kind not in kinds]
+
+
+def model(element_type, counts=(3, 4, 5), real=np.float32):
+    """A bent box with all fields and sets of a model."""
+    element = ELEMENTS[element_type]
+    counts = counts[: element.dimension]
+    axes = [np.linspace(0, 10, n) for n in structure.lattice_counts(element, counts)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, element.dimension, order="F")
+    kept = structure.has_node(element, counts)
+    grid = grid if kept is None else grid[kept]
+    points = np.zeros((len(grid), 3), dtype=real)
+    points[:, : element.dimension] = grid
+    points[:, 0] += (0.05 * points[:, 1] ** 2 - 61).astype(real)
+    hu = (100 + 90 * points[:, 1] + 30 * grid[:, 0]).astype(real)
+    fields = {"HU": hu, "density_g_cm3": hu * real(1.9 / 1630), "E_MPa": 3 * hu + 1, "nu": np.full_like(hu, 0.3)}
+    mesh = Mesh(points, element_type, structure=counts, fields=fields)
+    elements = np.arange(mesh.n_elements, dtype=np.int32)
+    quality = np.sqrt(elements / real(99)).astype(real)
+    mesh = mesh.with_cell_fields({"scaled_jacobian": quality, "material": elements % 3})
+    sides = {side: np.unique(mesh.boundary(side)) for side in element.sides}
+    surface = np.unique(np.concatenate(list(sides.values())))
+    return replace(mesh, node_sets={**sides, "surface": surface}, element_sets={"body": elements})
+
+
+def write_quietly(mesh, path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GpubsplineWarning)
+        write(mesh, path)
+
+
+def needs(extension):
+    package = FORMATS[extension].needs if extension in FORMATS else ""
+    if package:
+        pytest.importorskip(package)
+
+
+@pytest.mark.parametrize(("extension", "element_type"), CASES)
+def test_comes_back_as_it_went(extension, element_type, tmp_path):
+    needs(extension)
+    mesh, path = model(element_type), tmp_path / f"model{extension}"
+    write_quietly(mesh, path)
+    back = read_mesh(path)
+    assert back.element_type == element_type
+    np.testing.assert_allclose(back.points, mesh.points, atol=1e-5)
+    np.testing.assert_array_equal(back.cells, mesh.cells)
+    _, nodal, elemental = HELD[extension]
+    if nodal:
+        assert set(mesh.fields) <= set(back.fields)
+        for name, values in mesh.fields.items():
+            np.testing.assert_allclose(back.fields[name], values, rtol=1e-6)
+    if elemental:
+        assert set(mesh.cell_fields) <= set(back.cell_fields)
+        for name, values in mesh.cell_fields.items():
+            np.testing.assert_allclose(back.cell_fields[name], values, rtol=1e-6)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(("extension", "element_type"), REFUSED)
+def test_elements_that_a_format_cannot_hold_are_refused(extension, element_type, tmp_path):
+    with pytest.raises(InputError, match=f"for \\{extension}, got {element_type}"):
+        write_quietly(model(element_type), tmp_path / f"model{extension}")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("extension", [".avs", ".bdf", ".ply"])
+def test_fields_that_a_format_cannot_hold_are_named(extension, tmp_path):
+    kind = "quad4" if extension == ".ply" else "hex8"
+    with pytest.warns(GpubsplineWarning, match="scaled_jacobian, material: left out"):
+        write(model(kind), tmp_path / f"model{extension}")
+
+
+@pytest.mark.parametrize("extension", [".vtu", ".vtk"])
+@pytest.mark.parametrize("element_type", MESHABLE)
+def test_vtk_reads_it_with_its_fields(extension, element_type, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    mesh, path = model(element_type), tmp_path / f"model{extension}"
+    write(mesh, path)
+    grid = pyvista.read(path)
+    assert (grid.celltypes == mesh.element.vtk_type).all()
+    np.testing.assert_array_equal(grid.points, mesh.points)
+    np.testing.assert_array_equal(grid.cells_dict[mesh.element.vtk_type], mesh.cells)
+    for name, values in mesh.fields.items():
+        np.testing.assert_array_equal(grid.point_data[name], values)
+    for name, values in mesh.cell_fields.items():
+        np.testing.assert_array_equal(grid.cell_data[name], values)
+
+
+@pytest.mark.parametrize("element_type", MESHABLE)
+def test_vtk_reads_xdmf(element_type, tmp_path):
+    needs(".xdmf")
+    vtk = pytest.importorskip("vtk")
+    pyvista = pytest.importorskip("pyvista")
+    mesh = model(element_type)
+    write(mesh, tmp_path / "model.xdmf")
+    reader = vtk.vtkXdmfReader()
+    reader.SetFileName(str(tmp_path / "model.xdmf"))
+    reader.Update()
+    grid = pyvista.wrap(reader.GetOutputDataObject(0))
+    np.testing.assert_array_equal(grid.cells_dict[mesh.element.vtk_type], mesh.cells)
+    np.testing.assert_allclose(grid.points, mesh.points, atol=1e-5)
+    np.testing.assert_allclose(grid.point_data["HU"], mesh.fields["HU"], rtol=1e-6)
+    np.testing.assert_allclose(grid.cell_data["material"], mesh.cell_fields["material"])
+
+
+def test_vtk_reads_ply(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    mesh = model("quad4")
+    write_quietly(mesh, tmp_path / "model.ply")
+    grid = pyvista.read(tmp_path / "model.ply")
+    np.testing.assert_allclose(grid.points, mesh.points, atol=1e-5)
+    np.testing.assert_array_equal(grid.faces.reshape(-1, 5)[:, 1:], mesh.cells)
+
+
+def test_nastran_has_its_own_order_of_twenty(tmp_path):
+    """CHEXA of 20: midway along the bottom, then the uprights, then the top (NX Nastran quick reference)."""
+    mesh = model("hex20", (2, 2, 2))
+    write_quietly(mesh, tmp_path / "model.bdf")
+    rows = [line for line in (tmp_path / "model.bdf").read_text().splitlines() if line.startswith(("CHEXA", "+"))]
+    # the first row holds name, label and an empty property, the others a mark of continuation, eight wide each
+    fields = [row[first : first + 8].strip() for row in rows for first in range(8, len(row), 8)]
+    numbers = [int(field) for field in fields if field.isdigit()][1:]
+    expected = mesh.cells[0, [*range(12), 16, 17, 18, 19, 12, 13, 14, 15]] + 1
+    assert numbers == expected.tolist()
+
+
+def test_vtu_is_binary_and_keeps_types(tmp_path):
+    mesh, path = model("hex8", real=np.float64), tmp_path / "model.vtu"
+    write(mesh, path)
+    text = path.read_bytes()
+    assert b'format="binary"' in text
+    assert b'format="ascii"' not in text
+    back = meshio.read(path)
+    assert back.points.dtype == np.float64
+    assert back.cell_data["material"][0].dtype == np.int32
+    np.testing.assert_array_equal(back.points, mesh.points)
+
+
+def test_a_field_that_is_not_finite_is_refused(tmp_path):
+    mesh = model("hex8")
+    broken = mesh.fields["HU"].copy()
+    broken[3] = np.nan
+    with pytest.raises(InputError, match="field HU, got NaN or infinity in 1 of 60"):
+        write(mesh.with_fields({"HU": broken}), tmp_path / "model.vtu")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["model.stl", "model", "model.gz", "model.xyz"])
+def test_an_unknown_extension_names_the_known(name, tmp_path):
+    for refused in (lambda: check_extension(name), lambda: write(model("quad4"), tmp_path / name)):
+        with pytest.raises(InputError, match=r"expected a mesh file of \.inp, \.vtu, .*\.vtk.*, got"):
+            refused()
+    assert not can_read(name)
+    check_extension("MODEL.VTU")
+
+
+def test_a_folder_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match="existing folder"):
+        write(model("quad4"), tmp_path / "none" / "model.vtu")
+
+
+def test_bins_are_an_option_of_decks_only(tmp_path):
+    for extension in (".vtu", ".vtk"):
+        with pytest.raises(InputError, match=r"with a \.inp deck only"):
+            write(model("hex8"), tmp_path / f"model{extension}", modulus_bins=3)
+
+
+def test_an_error_while_writing_leaves_nothing(tmp_path, monkeypatch):
+    def fail(path, *args, **options):
+        path.write_text("half a file")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(meshio, "write", fail)
+    (tmp_path / "model.vtu").write_text("what was there")
+    with pytest.raises(OSError, match="disk full"):
+        write(model("hex8"), tmp_path / "model.vtu")
+    assert (tmp_path / "model.vtu").read_text() == "what was there"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_nothing_is_printed(tmp_path, capfd):
+    for extension in [e for e in extensions() if e not in (".xdmf", ".xmf")]:
+        kind = "quad4" if extension in (".obj", ".ply") else "hex8"
+        write_quietly(model(kind), tmp_path / f"model{extension}")
+        read_mesh(tmp_path / f"model{extension}")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="pip install h5py"):
+        check_extension(tmp_path / "model.xdmf")
