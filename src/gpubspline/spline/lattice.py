@@ -16,7 +16,8 @@ from gpubspline.spline.spans import Floats, blend, fill_gaps, inset, row_spans, 
 DEFAULT_SHAPE = (20, 24, 46)
 DEFAULT_SLICE_SHAPE = (60, 60)
 INSET = 0.01
-SMOOTHING = 1.25
+SMOOTHING = 1.5  # rows
+SLICE_SMOOTHING = 2 / 3  # of the rows' smoothing, in slices: they lie further apart
 LARGEST_DATA = 8e6  # points to fit to: 256 MB of x, y, z, HU
 ORDERS = {"linear": 1, "cubic": 3}
 CUBIC_MARGIN = 12  # voxels; the cubic prefilter forgets by 0.27 a voxel, so 1e-7 is left
@@ -75,8 +76,8 @@ def control_lattice(
         (u, v, w) follow cyclically, so that rows run along i where slices are stacked along k.
     slice_index: voxel index along ``axis`` of the slice to take alone.
     interpolation: ``"linear"`` or ``"cubic"``, of HU at the points.
-    smoothing: standard deviation, in rows and slices of the lattice, of the Gaussian that takes from the row ends what
-        is finer than the lattice (an ear that one row meets and the next does not); 0 leaves them as they are.
+    smoothing: standard deviation, in rows of the lattice (two thirds of it in slices), of the Gaussian that takes from
+        the row ends what is finer than the lattice (an ear that one row meets and the next does not); 0 leaves them.
 
     Raises
     ------
@@ -203,7 +204,11 @@ def _slice_positions(distance_mm: NDArray[Any], n_w: int) -> Floats:
 def _smooth(ends: list[Floats], sigma: float) -> list[Floats]:
     if sigma <= 0:
         return ends
-    return [np.asarray(ndimage.gaussian_filter(end, sigma, mode="nearest")) for end in ends]
+    across = SLICE_SMOOTHING * sigma
+    return [
+        np.asarray(ndimage.gaussian_filter(end, (across, sigma)[: end.ndim], mode="nearest"))  # (slices[, rows])
+        for end in ends
+    ]
 
 
 def _sample(volume: Volume, points: Floats, order: int) -> Floats:
