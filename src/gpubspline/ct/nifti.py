@@ -64,7 +64,8 @@ class NiftiHeader:
         cosines = (steps / lengths).T @ (steps / lengths)
         if np.abs(cosines - np.eye(3)).max() < 1e-3:
             return None
-        return np.diag([-1.0, -1.0, 1.0, 1.0]) @ np.vstack([self.srow, [0, 0, 0, 1]])  # NIfTI is RAS
+        ras: Floats = np.vstack([self.srow, [0, 0, 0, 1]])
+        return np.diag([-1.0, -1.0, 1.0, 1.0]) @ ras
 
 
 def check_nifti(path: Path) -> NiftiHeader:

@@ -229,7 +229,10 @@ def _disc_distance(points: Floats, feet: Floats, normals: Floats, steps: Floats)
 
 
 def _far_field(inside: Mask, band: Band, feet: Floats, normals: Floats, steps: Floats) -> NDArray[np.float32]:
-    """Distance to the foot point of the nearest band voxel, slice by slice."""
+    """Distance to the foot point of the nearest band voxel, slice by slice.
+
+    Nearest as if the grid were orthogonal: on a sheared one another foot point may be nearer, and this is a bound.
+    """
     number = np.full(inside.shape, -1, dtype=np.int32)
     number.reshape(-1)[band.voxels] = np.arange(len(band.voxels))
     spacing = np.linalg.norm(steps, axis=0)[::-1]
