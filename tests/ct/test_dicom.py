@@ -10,7 +10,7 @@ import pytest
 import SimpleITK as sitk
 from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
-from pydicom.uid import EnhancedCTImageStorage, JPEGLSLossless, RLELossless
+from pydicom.uid import EnhancedCTImageStorage, ImplicitVRLittleEndian, JPEGLSLossless, RLELossless
 from scipy.interpolate import interp1d
 
 from gpubspline.ct.image import read_volume
@@ -361,6 +361,30 @@ def test_images_without_place_or_scale_are_errors(tmp_path, write_slice, attribu
     path = write_slice(tmp_path / "a.dcm", np.zeros((4, 5)), (0, 0, 0), **attributes)
     with pytest.raises(InputError, match=message):
         read_volume(path)
+
+
+def test_values_that_break_the_standards_rules_are_read_without_a_word(tmp_path, write_series):
+    """A UID of letters and an unknown character set: pydicom warns, and here a warning is an error."""
+    stored = write_series(tmp_path, range(3), SpecificCharacterSet="ISO_IR 100")
+    for path in slices(tmp_path):
+        content = path.read_bytes().replace(SERIES.encode(), SERIES[:-1].encode() + b"x")
+        path.write_bytes(content.replace(b"ISO_IR 100", b"ISO_XY 100"))
+        with pytest.warns(UserWarning, match="Invalid value for VR UI|Unknown encoding"):
+            str(pydicom.dcmread(path))
+    np.testing.assert_array_equal(read_volume(tmp_path).hu, stored - 1024)
+
+
+def test_files_without_a_preamble_are_known_by_their_first_group(tmp_path, write_slice):
+    stored = np.arange(20).reshape(4, 5)
+    path = write_slice(tmp_path / "a.dcm", stored, (0, 0, 0))
+    path.write_bytes(path.read_bytes()[132:])
+    np.testing.assert_array_equal(read_volume(path).hu[0], stored - 1024)
+    dataset = pydicom.dcmread(path, force=True)
+    dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian
+    dataset.save_as(tmp_path / "b.dcm")
+    bare = (tmp_path / "b.dcm").read_bytes()
+    (tmp_path / "b.dcm").write_bytes(bare[bare.index(b"\x08\0\x16\0") :])  # no meta group: implicit little endian
+    np.testing.assert_array_equal(read_volume(tmp_path / "b.dcm").hu[0], stored - 1024)
 
 
 def test_progress_counts_slices_and_nothing_tells_who_the_patient_is(tmp_path, write_series):

@@ -13,6 +13,7 @@ import pydicom
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
 from pydicom.pixels.utils import pixel_array
+from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
 from gpubspline.ct.series import UNREADABLE, Slice, choose_series, read_headers, slices_of
 from gpubspline.ct.spacing import describe_spacings, is_uniform, missing_slices, resample_slices, uniform_positions
@@ -52,11 +53,7 @@ def read_dicom(
     found: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pydicom's: attributes that break the standard's rules are no concern here
-        headers = read_headers(paths)
-        chosen = choose_series(headers, series)
-    slices = slices_of(chosen)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        slices = slices_of(choose_series(read_headers(paths), series), found)
         hu = _decode(slices, progress)
     slices, hu = _drop_doubles(slices, hu, found)
     hu, affine = _place(slices, hu, allow_gaps, found)
@@ -95,6 +92,9 @@ def _decode_file(slices: Sequence[Slice]) -> list[NDArray[Any]]:
         dataset = pydicom.dcmread(path, force=True)
         if "PixelData" not in dataset:
             raise InputError(f"expected pixels in {path.name}, got none: the file may be truncated, copy it again")
+        if "TransferSyntaxUID" not in dataset.file_meta:  # a bare data set: what reading it found out
+            implicit, _ = dataset.original_encoding
+            dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if implicit else ExplicitVRLittleEndian
         return [_to_hu(pixel_array(dataset, index=item.frame), dataset, item) for item in slices]
     except InputError:
         raise

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from warnings import warn
 
 import numpy as np
 import pydicom
@@ -15,7 +14,7 @@ from pydicom.dataset import Dataset
 from pydicom.errors import BytesLengthException, InvalidDicomError
 from pydicom.uid import CTImageStorage, EnhancedCTImageStorage, LegacyConvertedEnhancedCTImageStorage
 
-from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -122,9 +121,13 @@ def _sop_class(dataset: Dataset) -> str:
 
 def is_dicom(path: Path) -> bool:
     """Whether the file begins like DICOM: the prefix of PS3.10, or a bare data set of group 0002 or 0008."""
-    with path.open("rb") as file:
-        start = file.read(132)
-    bare = start[:2] in (b"\2\0", b"\x08\0") and start[2:4] in (b"\0\0", b"\5\0")
+    try:
+        with path.open("rb") as file:
+            start = file.read(132)
+    except OSError as error:
+        raise InputError(f"cannot open {path.name}: {error.strerror}") from None
+    named = start[4:6].isalpha() and start[4:6].isupper()  # a value representation, or the length of a short value
+    bare = start[:2] in (b"\2\0", b"\x08\0") and start[3:4] == b"\0" and (named or start[5:8] == b"\0\0\0")
     return start[128:] == b"DICM" or bare
 
 
@@ -197,8 +200,10 @@ def _named_series(groups: dict[tuple[str, str], list[Header]], series: str) -> l
     raise InputError(f"expected a CT series, got {series}, which is {chosen[0][0]}")
 
 
-def slices_of(headers: Sequence[Header]) -> list[Slice]:
+def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
     """Describe every image of a series but its localisers, sorted by position along the common normal.
+
+    What is left out is told in words in ``left_out``.
 
     Raises InputError where images have no place or differ in size, pixel spacing or orientation.
     """
@@ -214,8 +219,8 @@ def slices_of(headers: Sequence[Header]) -> list[Slice]:
     if not slices:
         raise InputError(f"expected CT slices, got a series of {localisers} localisers: choose another series")
     if localisers:
-        warn(f"left out {localisers} localiser images of the series", GpubsplineWarning, stacklevel=3)
-    slices = _one_orientation(slices)
+        left_out.append(f"left out {localisers} localiser images of the series")
+    slices = _one_orientation(slices, left_out)
     _check_one("size", [f"{s.shape[1]}x{s.shape[0]}" for s in slices])
     _check_one("pixel spacing", [f"{s.spacing_mm[0]:.4g}x{s.spacing_mm[1]:.4g} mm" for s in slices])
     normal = slices[0].normal
@@ -298,13 +303,16 @@ def _slice(header: Header, frame: int, groups: Sequence[Dataset]) -> Slice:
 
 def _thickness(groups: Sequence[Dataset]) -> float:
     for keyword in ("SpacingBetweenSlices", "SliceThickness"):
-        value = _attribute(groups, keyword)
-        if value is not None and float(value) > 0:
-            return float(value)
+        try:
+            value = float(_attribute(groups, keyword))
+        except (TypeError, ValueError):
+            continue
+        if np.isfinite(value) and value > 0:
+            return value
     return 1.0
 
 
-def _one_orientation(slices: list[Slice]) -> list[Slice]:
+def _one_orientation(slices: list[Slice], left_out: list[str]) -> list[Slice]:
     """Keep the orientation of the most images; a few others are localisers that do not say so."""
     planes: list[list[Slice]] = []
     for item in slices:
@@ -322,7 +330,7 @@ def _one_orientation(slices: list[Slice]) -> list[Slice]:
         counts = ", ".join(str(len(plane)) for plane in planes)
         raise InputError(f"expected slices of one orientation, got {len(planes)} orientations of {counts} images")
     if others:
-        warn(f"left out {others} images that lie across the other {len(planes[0])}", GpubsplineWarning, stacklevel=4)
+        left_out.append(f"left out {others} images that lie across the other {len(planes[0])}")
     return planes[0]
 
 
