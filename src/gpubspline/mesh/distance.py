@@ -1,7 +1,6 @@
 """How far the surface of a mesh lies from the surface of the region it was made from."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,7 @@ def surface_distance(mesh: Mesh, region: Region, device: Device, side: str | Non
     """
     points, weights = surface_points(mesh, side)
     distance = sample_distance(region, points, device)
-    size = np.abs(np.maximum(distance, _outside_scan(region, points)))
+    size = np.abs(np.maximum(distance, _outside_scan(region, points, mesh)))
     order = np.argsort(size)
     share = np.cumsum(weights[order]) / weights.sum()
     at_95 = order[min(int(np.searchsorted(share, 0.95)), size.size - 1)]
@@ -87,7 +86,7 @@ def sample_distance(region: Region, points: Floats, device: Device) -> Floats:
     return np.asarray(device.get(result), dtype=np.float64)
 
 
-def _outside_scan(region: Region, points: Floats) -> Any:
+def _outside_scan(region: Region, points: Floats, mesh: Mesh) -> Floats:
     """Signed distance (s,), mm, to the parallelepiped of the outermost voxel centres, negative inside.
 
     The greatest of the distances to its six planes: exact inside. Axes that the mesh does not extend along have none.
@@ -97,5 +96,6 @@ def _outside_scan(region: Region, points: Floats) -> Any:
     last = np.array(region.distance_mm.shape[::-1]) - 1
     gap_mm = 1 / np.linalg.norm(inverse[:3, :3], axis=1)
     beyond = np.maximum(-index, index - last) * gap_mm
-    across = (np.ptp(index, axis=0) < _FLAT_VOXELS) | (last == 0)
-    return beyond[:, ~across].max(axis=1, initial=-np.inf)
+    extent = np.array([np.ptp(row @ mesh.planes) for row in inverse[:3, :3].astype(mesh.points.dtype)])
+    across = (extent < _FLAT_VOXELS) | (last == 0)
+    return np.asarray(beyond[:, ~across].max(axis=1, initial=-np.inf))

@@ -40,8 +40,8 @@ _HEX_EDGES: tuple[Lattice, ...] = (
 )
 _HEX_FACES: tuple[Lattice, ...] = ((0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2), (1, 1, 1))
 _HEX = _HEX_CORNERS + _HEX_EDGES + _HEX_FACES
-_QUAD_SIDES = {"u0": (3, 0), "u1": (1, 2), "v0": (0, 1), "v1": (2, 3)}
-_HEX_SIDES = {
+_QUAD_SIDES: dict[str, tuple[int, ...]] = {"u0": (3, 0), "u1": (1, 2), "v0": (0, 1), "v1": (2, 3)}
+_HEX_SIDES: dict[str, tuple[int, ...]] = {
     "u0": (0, 4, 7, 3),
     "u1": (1, 2, 6, 5),
     "v0": (0, 1, 5, 4),
@@ -91,7 +91,7 @@ class Element:
     @property
     def serendipity(self) -> bool:
         """Whether the vertices inside faces and inside the element are left out (quad8, hex20)."""
-        return self.n_nodes < (self.order + 1) ** self.dimension
+        return self.n_nodes < int((self.order + 1) ** self.dimension)
 
     @cached_property
     def sides(self) -> dict[str, tuple[int, ...]]:

@@ -93,7 +93,7 @@ class Mesh:
     @property
     def planes(self) -> NDArray[Any]:
         """(3, n) C-contiguous view of the points: x[], y[], z[]."""
-        return self.points.T
+        return np.asarray(self.points.T)
 
     @property
     def n_nodes(self) -> int:
@@ -115,7 +115,7 @@ class Mesh:
     def cells_of(self, elements: NDArray[Any]) -> NDArray[np.int32]:
         """Node numbers (m, k) int32 of the given elements (m,) alone."""
         if self.connectivity is not None:
-            return self.connectivity[elements]
+            return np.asarray(self.connectivity[elements])
         assert self.structure is not None
         return structure.cells_of(self.element, self.structure, elements)
 

@@ -48,7 +48,7 @@ def corner_scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     result = device.empty(n_corners * mesh.n_elements)
     cells, points = device.put(_corner_cells(mesh)), _put_points(mesh.planes, device)
     device.launch(f"quality.{kind}_corner_jacobian", mesh.n_elements, *points, cells, mesh.n_elements, result)
-    return np.asarray(device.get(result)).reshape(n_corners, mesh.n_elements).T
+    return np.asarray(np.reshape(device.get(result), (n_corners, mesh.n_elements)).T)
 
 
 def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:

@@ -1,0 +1,106 @@
+"""CalculiX solves the decks: a bar of graded modulus against its closed form, and the demo's femur in balance."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpubspline.ct.phantom import phantom
+from gpubspline.ct.region import region_from_threshold
+from gpubspline.export import write
+from gpubspline.export.modulus_bins import element_means
+from gpubspline.material.mapping import apply_material
+from gpubspline.mesh import structure
+from gpubspline.mesh.elements import ELEMENTS
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.sample import sample
+from gpubspline.spline.fit import fit
+from gpubspline.spline.lattice import control_lattice
+
+CCX = shutil.which("ccx")
+pytestmark = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
+
+LENGTH, WIDTH = 12.0, 2.0
+
+
+def solve(mesh, folder, step, **options):
+    """Reaction forces (n, 3) by node of the sets that the step prints."""
+    write(mesh, folder / "model.inp", step=step, **options)
+    done = subprocess.run([CCX, "-i", "model"], cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0 and "*ERROR" not in done.stdout, done.stdout[-2000:]
+    forces = {}
+    for name, rows in re.findall(r"forces \(fx,fy,fz\) for set (\w+) .*?\n\n((?:\s+\d+\s.*\n)+)", folder_text(folder)):
+        forces[name] = np.array([[float(v) for v in row.split()[1:]] for row in rows.splitlines()])
+    return forces
+
+
+def folder_text(folder):
+    return (folder / "model.dat").read_text()
+
+
+def graded_bar(element_type, n_w, modulus):
+    """A bar along z, its modulus a function of z; no Poisson's ratio, so that it is one-dimensional."""
+    element, counts = ELEMENTS[element_type], (2, 3, n_w)
+    sizes, lattice = (WIDTH, WIDTH, LENGTH), structure.lattice_counts(element, counts)
+    axes = [np.linspace(0, size, n) for size, n in zip(sizes, lattice, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3, order="F")
+    kept = structure.has_node(element, counts)
+    points = grid if kept is None else grid[kept]
+    hu = 100 + 50 * points[:, 2]
+    mesh = Mesh(points, element_type, structure=counts, fields={"HU": hu, "E_MPa": modulus(hu), "nu": 0 * hu})
+    return replace(mesh, node_sets={side: np.unique(mesh.boundary(side)) for side in element.sides})
+
+
+def pull(displacement_mm):
+    """Hold three sides in their planes and pull the fourth."""
+    return (
+        "*BOUNDARY\nu0, 1, 1\nv0, 2, 2\nw0, 3, 3\n*STEP\n*STATIC\n"
+        f"*BOUNDARY\nw1, 3, 3, {displacement_mm}\n*NODE PRINT, NSET=w0\nRF\n*NODE PRINT, NSET=w1\nRF\n*END STEP\n"
+    )
+
+
+def power(hu):
+    return 0.02 * hu**2
+
+
+def test_straight_elements_take_the_mean_of_their_nodes(tmp_path):
+    """Springs in series, each of the modulus at its mean HU: exact but for the table."""
+    mesh = graded_bar("hex8", 9, power)
+    forces = solve(mesh, tmp_path, pull(0.1))
+    middles = 100 + 50 * LENGTH * (np.arange(8) + 0.5) / 8
+    table = np.interp(middles, np.unique(mesh.fields["HU"]), power(np.unique(mesh.fields["HU"])))
+    expected = 0.1 * WIDTH**2 / np.sum(LENGTH / 8 / table)
+    assert forces["W1"][:, 2].sum() == pytest.approx(expected, rel=1e-6)
+    assert forces["W0"][:, 2].sum() == pytest.approx(-expected, rel=1e-6)
+
+
+def test_curved_elements_reproduce_the_graded_bar(tmp_path):
+    """Strain F / (E(z) A): for E = 0.02 HU^2, HU = 100 + 50 z, its integral is F / A (1/100 - 1/700) / (50 * 0.02)."""
+    forces = solve(graded_bar("hex20", 41, power), tmp_path, pull(0.1))
+    expected = 0.1 * WIDTH**2 / ((1 / 100 - 1 / 700) / (50 * 0.02))
+    assert forces["W1"][:, 2].sum() == pytest.approx(expected, rel=1e-3)
+
+
+def test_bins_solve_as_springs_in_series(tmp_path):
+    mesh = graded_bar("hex8", 9, power)
+    forces = solve(mesh, tmp_path, pull(0.1), modulus_bins=1000)
+    modulus = np.unique(element_means(mesh, "E_MPa").round(9))
+    expected = 0.1 * WIDTH**2 / np.sum(LENGTH / 8 / modulus)
+    assert forces["W1"][:, 2].sum() == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_femur_is_in_balance_under_a_unit_axial_load(order, tmp_path, device64):
+    """The paper's femur, coarser: held at its cut end, 1 N along its axis on the other; the reaction is 1 N to 1e-6."""
+    volume = phantom("child-femur").scan()
+    lattice = control_lattice(volume, region_from_threshold(volume, 100.0), (5, 6, 12))
+    mesh = sample(fit(lattice, device=device64).patch, (5, 6, 12), order=order, device=device64)
+    mesh, material = apply_material(mesh, device=device64)
+    loaded = mesh.node_sets["w1"]
+    share = "".join(f"{node + 1}, 3, {-1 / len(loaded):.15g}\n" for node in loaded)
+    step = f"*BOUNDARY\nw0, 1, 3\n*STEP\n*STATIC\n*CLOAD\n{share}*NODE PRINT, NSET=w0\nRF\n*END STEP\n"
+    forces = solve(mesh, tmp_path, step, law=material.law)
+    np.testing.assert_allclose(forces["W0"].sum(axis=0), [0, 0, 1], atol=1e-6)
