@@ -78,6 +78,18 @@ class Region:
         """
         return enclosed_volume(self.distance_mm, self.affine)
 
+    @property
+    def section_mm2(self) -> float:
+        """Area of a region that is one slice: its volume over the slice's thickness.
+
+        Raises InputError where it is more than one slice.
+        """
+        if 1 not in self.shape:
+            raise InputError(f"expected a region of one slice, got {self.shape} voxels")
+        along = np.delete(self.affine[:3, :3], self.shape.index(1), axis=1)
+        pixel = float(np.linalg.norm(np.cross(along[:, 0], along[:, 1])))
+        return self.volume_mm3 * pixel / float(abs(np.linalg.det(self.affine[:3, :3])))
+
     @cached_property
     def centroid_mm(self) -> Floats:
         """(3,) mean of the voxel centres inside, LPS mm."""
