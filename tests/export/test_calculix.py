@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import region_from_threshold
-from gpubspline.export import write
+from gpubspline.export import read_mesh, write
 from gpubspline.export.modulus_bins import element_means
 from gpubspline.material.mapping import apply_material
 from gpubspline.mesh import structure
@@ -27,18 +28,25 @@ LENGTH, WIDTH = 12.0, 2.0
 
 
 def solve(mesh, folder, step, **options):
-    """Reaction forces (n, 3) by node of the sets that the step prints."""
-    write(mesh, folder / "model.inp", step=step, **options)
+    """Reaction forces (n, 3) of the node sets that the step prints."""
+    write(mesh, folder / "written.inp", step=step, **options)
+    return solve_deck((folder / "written.inp").read_text(), folder)
+
+
+def solve_deck(text, folder):
+    (folder / "model.inp").write_text(text)
     done = subprocess.run([CCX, "-i", "model"], cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0 and "*ERROR" not in done.stdout, done.stdout[-2000:]
-    forces = {}
-    for name, rows in re.findall(r"forces \(fx,fy,fz\) for set (\w+) .*?\n\n((?:\s+\d+\s.*\n)+)", folder_text(folder)):
+    forces, printed = {}, (folder / "model.dat").read_text()
+    for name, rows in re.findall(r"forces \(fx,fy,fz\) for set (\w+) .*?\n\n((?:\s+\d+\s.*\n)+)", printed):
         forces[name] = np.array([[float(v) for v in row.split()[1:]] for row in rows.splitlines()])
     return forces
 
 
-def folder_text(folder):
-    return (folder / "model.dat").read_text()
+def axial_load(loaded):
+    """Hold w0 and push the nodes given with 1 N against z."""
+    share = "".join(f"{node + 1}, 3, {-1 / len(loaded):.15g}\n" for node in loaded)
+    return f"*BOUNDARY\nw0, 1, 3\n*STEP\n*STATIC\n*CLOAD\n{share}*NODE PRINT, NSET=w0\nRF\n*END STEP\n"
 
 
 def graded_bar(element_type, n_w, modulus):
@@ -99,8 +107,16 @@ def test_a_femur_is_in_balance_under_a_unit_axial_load(order, tmp_path, device64
     lattice = control_lattice(volume, region_from_threshold(volume, 100.0), (5, 6, 12))
     mesh = sample(fit(lattice, device=device64).patch, (5, 6, 12), order=order, device=device64)
     mesh, material = apply_material(mesh, device=device64)
-    loaded = mesh.node_sets["w1"]
-    share = "".join(f"{node + 1}, 3, {-1 / len(loaded):.15g}\n" for node in loaded)
-    step = f"*BOUNDARY\nw0, 1, 3\n*STEP\n*STATIC\n*CLOAD\n{share}*NODE PRINT, NSET=w0\nRF\n*END STEP\n"
-    forces = solve(mesh, tmp_path, step, law=material.law)
+    forces = solve(mesh, tmp_path, axial_load(mesh.node_sets["w1"]), law=material.law)
+    np.testing.assert_allclose(forces["W0"].sum(axis=0), [0, 0, 1], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_deck_of_the_demo_solves(tmp_path):
+    """As ``gpubspline demo`` writes it, with a step appended: 1 N along the axis, its reaction 1 N to 1e-6."""
+    command = [sys.executable, "-m", "gpubspline", "demo", "demo", "--quiet"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=300)
+    deck = tmp_path / "demo" / "femur.inp"
+    loaded = read_mesh(deck).node_sets["w1"]
+    forces = solve_deck(deck.read_text() + axial_load(loaded), tmp_path)
     np.testing.assert_allclose(forces["W0"].sum(axis=0), [0, 0, 1], atol=1e-6)

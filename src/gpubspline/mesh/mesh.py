@@ -140,9 +140,11 @@ class Mesh:
         if side is not None:
             raise InputError(f"expected a structured mesh to have a side {side!r}, got one with explicit cells")
         faces = self.cells[:, list(element.sides.values())].reshape(-1, len(element.sides["u0"]))
-        corners = np.sort(faces[:, : len(element.side_corners["u0"])], axis=1)
-        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
-        return np.asarray(faces[np.sort(first[count == 1])])
+        keys = np.sort(faces[:, : len(element.side_corners["u0"])], axis=1).T
+        order = np.lexsort(keys)
+        same = np.all(keys[:, order[1:]] == keys[:, order[:-1]], axis=0)
+        shared = np.concatenate([same, [False]]) | np.concatenate([[False], same])
+        return np.asarray(faces[np.sort(order[~shared])])
 
     @cached_property
     def volume_mm3(self) -> float:
