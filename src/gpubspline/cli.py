@@ -3,7 +3,7 @@
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -22,10 +22,12 @@ from gpubspline.options import (
 app = typer.Typer(
     name="gpubspline",
     help="CT in, all-hexahedral finite element model out: every node carries x, y, z, HU, density, E and nu.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
+"""Click's ``ClickException``, which Typer brings along in a copy of its own or not, by its version."""
 
 InputPaths = Annotated[
     list[Path],
@@ -241,16 +243,14 @@ def demo(
 
 def main() -> None:
     """Run the command line; whatever is wrong with the input is one line on stderr and exit status 2."""
-    import click
-
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GpubsplineWarning)
     warnings.showwarning = _warn
     try:
-        status = app(standalone_mode=False)
-    except click.ClickException as error:
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+    except USAGE_ERROR as error:
         _fail(error.format_message())
-    except click.exceptions.Abort:
+    except typer.Abort:
         _fail("interrupted", 130)
     except (GpubsplineError, OSError) as error:
         _fail(str(error))

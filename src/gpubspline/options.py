@@ -3,7 +3,7 @@
 import inspect
 import sys
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -68,7 +68,10 @@ class RegionOptions:
     ] = None
     mask: Annotated[Path | None, _option("Region", "mask or label file on the CT's grid", metavar="FILE")] = None
     label: Annotated[int | None, _option("Region", "label in it (default: all but 0)", metavar="N")] = None
-    fill: Annotated[str, _option("Region", "where holes are filled", metavar="slice|volume|none")] = "slice"
+    fill: Annotated[
+        str | None,
+        _option("Region", "where holes are filled (default: slice, none for masks)", metavar="slice|volume|none"),
+    ] = None
     smooth: Annotated[
         float | None, _option("Region", "Gaussian on the boundary (default: a voxel for masks, else 0)", metavar="MM")
     ] = None
@@ -107,12 +110,22 @@ class SplineOptions:
     ] = "control"
     interpolation: Annotated[str, _option("Spline", "resampling of HU", metavar="linear|cubic")] = "linear"
 
+    smooth_rows: Annotated[
+        float | None, _option("Spline", "Gaussian on row ends, in rows; 0 is the paper (default: 1.5)", metavar="ROWS")
+    ] = None
+
     def shaping(self, directions: int) -> Any:
         """What the pipeline fits."""
         from gpubspline.recipe import Shaping
 
         degree = integers(self.degree, "degree", (1, directions)) or (3,)
-        return Shaping(integers(self.control, "control", (directions,)), degree, self.fit, self.interpolation)
+        control = integers(self.control, "control", (directions,))
+        shaping = Shaping(control, degree, self.fit, self.interpolation)
+        if self.smooth_rows is None:
+            return shaping
+        if not self.smooth_rows >= 0:
+            raise InputError(f"expected --smooth-rows of 0 or more, got {self.smooth_rows:g}")
+        return replace(shaping, row_smoothing=self.smooth_rows)
 
 
 @dataclass
@@ -178,6 +191,8 @@ class OutputOptions:
             check_writable(path)
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
+        if self.modulus_bins is not None and self.output.suffix.lower() != ".inp":
+            raise InputError(f"expected an .inp file for --modulus-bins, got {self.output.name}")
 
     def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:
         """Write them."""

@@ -35,7 +35,8 @@ def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | N
     with clock.stage("region"):
         window = _window(source, whole)
         volume = crop(whole, window)
-        options: dict[str, Any] = {"fill": source.fill, "fill_axis": AXES.get(source.axis, 2)}
+        fill = source.fill or ("slice" if mask is None else "none")
+        options: dict[str, Any] = {"fill": fill, "fill_axis": AXES.get(source.axis, 2)}
         if mask is not None:
             options["smoothing_mm"] = source.smoothing_mm
             return volume, region_from_mask(volume, mask[window.slices], **options), None
@@ -59,7 +60,7 @@ def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) ->
         shape = shaping.control or default_shape(region, source.axis, only)
         laid = data_shape(region, source.axis, only) if shaping.fit == "least-squares" else shape
         options: dict[str, Any] = {"axis": source.axis, "slice_index": only, "interpolation": shaping.interpolation}
-        lattice = control_lattice(volume, region, laid, **options)
+        lattice = control_lattice(volume, region, laid, smoothing=shaping.row_smoothing, **options)
     with clock.stage("fit"):
         degree = shaping.degree * len(shape) if len(shaping.degree) == 1 else shaping.degree
         made = fit(lattice, shaping.fit, degree=degree, control=shape, device=device)
@@ -84,7 +85,8 @@ def summarise(model: Model, device: Device, clock: Clock, fitted: Fitted | None 
     if fitted is not None:
         with clock.stage("distance"):
             known["distance"] = surface_distance(model.mesh, fitted.region, device)
-            known["region_size"] = fitted.region.size(model.mesh.element.dimension)
+            flat = model.mesh.element.dimension == 2
+            known["region_size"] = fitted.region.section_mm2 if flat else fitted.region.volume_mm3
         error = fitted.fit.error
         known |= {"threshold_hu": fitted.threshold_hu, "fit": fitted.method}
         known |= {"fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}

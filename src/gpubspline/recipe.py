@@ -11,6 +11,7 @@ from gpubspline.material.mapping import Material
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality
 from gpubspline.spline.fit import Fit
+from gpubspline.spline.lattice import SMOOTHING
 
 
 @dataclass(frozen=True)
@@ -25,19 +26,20 @@ class Source:
     slices: tuple[int | None, int | None] | None = None
     slice_index: int | None = None
     axis: str = "z"
-    fill: str = "slice"
+    fill: str | None = None
     smoothing_mm: float | None = None
     reading: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Shaping:
-    """How the hyperpatch is made: control counts and degrees for each direction, the fit and the resampling of HU."""
+    """How the hyperpatch is made: control counts and degrees for each direction, the fit, and how data are taken."""
 
     control: tuple[int, ...] | None = None
     degree: tuple[int, ...] = (3,)
     fit: str = "control"
     interpolation: str = "linear"
+    row_smoothing: float = SMOOTHING
 
 
 @dataclass(frozen=True)

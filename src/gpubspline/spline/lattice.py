@@ -15,7 +15,7 @@ from gpubspline.spline.spans import Floats, blend, fill_gaps, inset, row_spans, 
 
 DEFAULT_SHAPE = (20, 24, 46)
 DEFAULT_SLICE_SHAPE = (60, 60)
-INSET = 0.01
+INSET = 0.01  # of the extent, and one voxel at most
 SMOOTHING = 1.5  # rows
 SLICE_SMOOTHING = 2 / 3  # of the rows' smoothing, in slices: they lie further apart
 LARGEST_DATA = 8e6  # points to fit to: 256 MB of x, y, z, HU
@@ -67,7 +67,8 @@ def control_lattice(
     first and the last row that hit it; on each row n_u points evenly between its first entry into the region and its
     last exit. All four ends are found between voxels. Slices and rows between voxels blend their neighbours' distance;
     a row in between that misses the region takes its span from its neighbours. The first and last row and slice lie
-    one per cent of the extent inside the tips, where a row has length, unless the scan itself ends there.
+    one per cent of the extent inside the tips, and one voxel at most, where a row has length, unless the scan itself
+    ends there.
 
     Arguments
     ---------
@@ -187,8 +188,7 @@ def _lattice_indices(distance_mm: NDArray[Any], shape: tuple[int, ...], smoothin
     n_u, n_v, n_w = (*shape, 1)[:3]
     w = np.zeros(1) if n_w == 1 else _slice_positions(distance_mm, n_w)
     slabs = blend(distance_mm, w, axis=0)
-    ends = [fill_gaps(end[None])[0] for end in inset(*tips(slabs), slabs.shape[1] - 1, INSET)]
-    first, final = _smooth(ends, smoothing)
+    first, final = (fill_gaps(end[None])[0] for end in inset(*tips(slabs), slabs.shape[1] - 1, INSET))
     v = np.linspace(first, final, n_v, axis=1)  # (n_w, n_v)
     enter, leave = (fill_gaps(end) for end in row_spans(blend(slabs, v, axis=1)))
     enter, leave = _smooth([enter, leave], smoothing)

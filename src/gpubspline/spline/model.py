@@ -14,7 +14,7 @@ FORMAT = "gpubspline hyperpatch 1"
 
 
 def save_model(patch: Hyperpatch, path: str | Path) -> None:
-    """Write a hyperpatch: arrays ``format``, ``control``, ``degrees``, ``knots_0`` ..., ``channels``, maybe ``weights``."""
+    """Write a hyperpatch: ``format``, ``control``, ``degrees``, ``knots_0`` ..., ``channels`` and any ``weights``."""
     parts: dict[str, Any] = {
         "format": np.array(FORMAT),
         "control": patch.control,

@@ -94,11 +94,12 @@ def _reach(slabs: NDArray[np.float32], within: NDArray[Any], beyond: NDArray[Any
 
 
 def inset(first: Floats, final: Floats, last: int, fraction: float) -> tuple[Floats, Floats]:
-    """Draw the ends in by a fraction of the extent, except where the end of the grid (0, ``last``) cuts the region.
+    """Draw the ends in by a fraction of the extent, one voxel at most, but not where the grid's end cuts the region.
 
     A row at the very tip has no length and one just below it hardly any: the elements there would be slivers.
+    ``last`` is the grid's last index.
     """
-    depth = fraction * (final - first)
+    depth = np.minimum(fraction * (final - first), 1.0)
     low = np.asarray(np.where(first > 0, first + depth, first))
     return low, np.asarray(np.where(final < last, final - depth, final))
 
