@@ -127,7 +127,7 @@ def quality(
     from gpubspline.export import read_mesh
     from gpubspline.mesh.quality import assess
     from gpubspline.report.histogram import write_histogram
-    from gpubspline.report.picture import check_png
+    from gpubspline.report.sheet import check_png
     from gpubspline.report.summary import write_summary
 
     for path in filter(None, (summary, histogram)):

@@ -184,7 +184,7 @@ class OutputOptions:
     def check(self) -> None:
         """Raise InputError where a file could not be written."""
         from gpubspline.export import check_extension
-        from gpubspline.report.picture import check_png
+        from gpubspline.report.sheet import check_png
 
         check_extension(self.output)
         for path in self.paths:
