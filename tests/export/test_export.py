@@ -14,8 +14,8 @@ from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
-VTU = {".vtu": (MESHABLE, True, True)}
-HELD = {**VTU, **{e: (form.element_types, form.nodal, form.elemental) for e, form in FORMATS.items()}}
+OTHER = {extension: (form.element_types, form.nodal, form.elemental) for extension, form in FORMATS.items()}
+HELD = {".vtu": (MESHABLE, True, True), ".vts": (("quad4", "hex8"), True, True), **OTHER}
 CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
 REFUSED = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in MESHABLE if kind not in kinds]
 

@@ -1,4 +1,4 @@
-"""Reading a mesh of any format that meshio knows."""
+"""Reading a mesh of any format that meshio knows, and VTK's structured grids."""
 
 import struct
 import warnings
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export.quiet import quiet_meshio
+from gpubspline.export.read_appended import Appended, read_appended
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
@@ -37,13 +38,61 @@ def read_mesh(path: str | Path) -> Mesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"expected a mesh file, got {path}, which is no file")
+    mapped = _read_mapped(path) if path.suffix.lower() in (".vts", ".vtu") else None
+    return _read_by_meshio(path) if mapped is None else mapped
+
+
+def _read_mapped(path: Path) -> Mesh | None:
+    """Mesh of a file of VTK's whose arrays can be mapped; None where meshio is to try."""
+    try:
+        found = read_appended(path)
+        if found is not None and found.grid == "StructuredGrid":
+            return _structured(found)
+        if found is not None and found.grid == "UnstructuredGrid":
+            return _unstructured(found)
+    except _BROKEN as error:
+        raise InputError(f"expected a whole mesh file, got {path.name}: {error}") from None
+    if path.suffix.lower() == ".vts":
+        raise InputError(f"expected one structured grid with its arrays appended raw, got {path.name}: another kind")
+    return None
+
+
+def _structured(found: Appended) -> Mesh:
+    ends = [int(n) for n in found.piece["Extent"].split()]
+    counts = tuple(last - first + 1 for first, last in zip(ends[::2], ends[1::2], strict=True))
+    structure = counts if counts[2] > 1 else counts[:2]
+    return Mesh(
+        found.arrays["Points"].popitem()[1],
+        "hex8" if len(structure) == 3 else "quad4",
+        structure=structure,
+        fields=_scalars(found.arrays.get("PointData", {})),
+        cell_fields=_scalars(found.arrays.get("CellData", {})),
+    )
+
+
+def _unstructured(found: Appended) -> Mesh | None:
+    """Mesh of elements of one type; None where there are others."""
+    cells, types = found.arrays["Cells"]["connectivity"], found.arrays["Cells"]["types"]
+    names = [name for name in MESHABLE if types.size and ELEMENTS[name].vtk_type == types[0]]
+    if not names or np.any(types != types[0]):
+        return None
+    return Mesh(
+        found.arrays["Points"].popitem()[1],
+        names[0],
+        connectivity=cells.reshape(len(types), ELEMENTS[names[0]].n_nodes),
+        fields=_scalars(found.arrays.get("PointData", {})),
+        cell_fields=_scalars(found.arrays.get("CellData", {})),
+    )
+
+
+def _read_by_meshio(path: Path) -> Mesh:
     given = _read(path)
     name = _choose_type(path, given)
     kind = ELEMENTS[name].meshio_name
     blocks = [number for number, block in enumerate(given.cells) if block.type == kind]
     others = sorted({block.type for block in given.cells if block.type != kind and block.type != "vertex"})
     if others:
-        warnings.warn(f"{path.name}: left out cells of {', '.join(others)}", GpubsplineWarning, stacklevel=2)
+        warnings.warn(f"{path.name}: left out cells of {', '.join(others)}", GpubsplineWarning, stacklevel=3)
     points = np.asarray(given.points)
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points), dtype=points.dtype)])
