@@ -85,6 +85,19 @@ def test_straight_elements_take_the_mean_of_their_nodes(tmp_path):
     assert forces["W0"][:, 2].sum() == pytest.approx(-expected, rel=1e-6)
 
 
+def test_small_numbers_are_read_with_their_exponents(tmp_path):
+    """The bar a ten-millionth as thick, in float32: numbers such as 2e-7; the force goes with the area."""
+    mesh = graded_bar("hex8", 9, power)
+    fields = {name: values.astype(np.float32) for name, values in mesh.fields.items()}
+    small = replace(mesh, points=(mesh.points * [1e-7, 1e-7, 1e-5]).astype(np.float32), fields=fields)
+    forces = solve(small, tmp_path, pull(0.1e-5))
+    assert ",2e-7," in (tmp_path / "model.inp").read_text()
+    middles = 100 + 50 * LENGTH * (np.arange(8) + 0.5) / 8
+    table = np.interp(middles, np.unique(mesh.fields["HU"]), power(np.unique(mesh.fields["HU"])))
+    expected = 0.1 * WIDTH**2 / np.sum(LENGTH / 8 / table) * 1e-14
+    assert forces["W1"][:, 2].sum() == pytest.approx(expected, rel=1e-5)
+
+
 def test_curved_elements_reproduce_the_graded_bar(tmp_path):
     """Strain F / (E(z) A): for E = 0.02 HU^2, HU = 100 + 50 z, its integral is F / A (1/100 - 1/700) / (50 * 0.02)."""
     forces = solve(graded_bar("hex20", 41, power), tmp_path, pull(0.1))

@@ -20,7 +20,7 @@ from gpubspline.errors import InputError
 from gpubspline.export.modulus_bins import ModulusBins
 from gpubspline.export.modulus_bins import modulus_bins as gather
 from gpubspline.export.modulus_table import ModulusTable, modulus_table
-from gpubspline.export.rows import REAL, write_cells, write_members, write_reals
+from gpubspline.export.rows import REAL, chunks, texts, write_cells, write_members, write_reals
 from gpubspline.files import whole_file
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
@@ -31,9 +31,6 @@ ELEMENT_TYPES = {"quad4": "S4", "quad8": "S8R", "hex8": "C3D8", "hex20": "C3D20"
 
 TONNE_MM3 = 1e-9
 """Of 1 g/cm3: the unit of mass that goes with mm, N and MPa."""
-
-_CHUNK = 1 << 18
-"""Elements spelled out at a time, which bounds the memory."""
 
 
 def write(
@@ -99,9 +96,8 @@ def _write_elements(deck: TextIO, mesh: Mesh) -> str:
     whole = len(mesh.element_sets.get("body", ())) in (0, mesh.n_elements)
     body = "body" if whole else "all_elements"
     deck.write(f"*ELEMENT, TYPE={ELEMENT_TYPES[mesh.element_type]}, ELSET={body}\n")
-    for first in range(0, mesh.n_elements, _CHUNK):
-        elements = np.arange(first, min(first + _CHUNK, mesh.n_elements))
-        write_cells(deck, mesh.cells_of(elements), first + 1)
+    for elements in chunks(mesh.n_elements):
+        write_cells(deck, mesh.cells_of(np.arange(elements.start, elements.stop)), elements.start + 1)
     for name, members in mesh.node_sets.items():
         _write_set(deck, "NSET", name, members)
     for name, members in mesh.element_sets.items():
@@ -131,10 +127,11 @@ def _write_table(deck: TextIO, mesh: Mesh, table: ModulusTable, elements: str, t
         "Give no *EXPANSION and no other *TEMPERATURE.",
     )
     deck.write("*MATERIAL, NAME=bone\n*ELASTIC, TYPE=ISOTROPIC\n")
-    deck.writelines(_lines(table.columns["E_MPa"], table.columns["nu"], table.at))
+    at = texts(table.at.astype(mesh.fields[field].dtype))  # as the nodes' own, so that a node lies on its row
+    deck.writelines(_lines(at, table.columns["E_MPa"], table.columns["nu"]))
     if "density_g_cm3" in table.columns:
         deck.write("*DENSITY\n")
-        deck.writelines(_lines(table.columns["density_g_cm3"] * TONNE_MM3, table.at))
+        deck.writelines(_lines(at, table.columns["density_g_cm3"] * TONNE_MM3))
     _write_section(deck, mesh, elements, "bone", thickness_mm)
     deck.write("*INITIAL CONDITIONS, TYPE=TEMPERATURE\n")
     write_reals(deck, [mesh.fields[field]])
@@ -151,13 +148,14 @@ def _write_bins(deck: TextIO, mesh: Mesh, bins: ModulusBins, thickness_mm: float
         _write_set(deck, "ELSET", f"modulus_{number + 1}", members)
     for number in range(len(bins.members)):
         deck.write(f"*MATERIAL, NAME=bone_{number + 1}\n*ELASTIC, TYPE=ISOTROPIC\n")
-        deck.writelines(_lines(bins.modulus_mpa[number : number + 1], bins.poisson[number : number + 1]))
+        deck.write(f"{REAL % bins.modulus_mpa[number]},{REAL % bins.poisson[number]}\n")
         if bins.density_g_cm3 is not None and bins.density_g_cm3[number] > 0:
             deck.write("*DENSITY\n")
-            deck.writelines(_lines(bins.density_g_cm3[number : number + 1] * TONNE_MM3))
+            deck.write(f"{REAL % (bins.density_g_cm3[number] * TONNE_MM3)}\n")
         _write_section(deck, mesh, f"modulus_{number + 1}", f"bone_{number + 1}", thickness_mm)
 
 
-def _lines(*columns: NDArray[np.float64]) -> list[str]:
-    line = ", ".join([REAL] * len(columns)) + "\n"
-    return [line % row for row in zip(*(column.tolist() for column in columns), strict=True)]
+def _lines(at: list[str], *columns: NDArray[np.float64]) -> list[str]:
+    """Rows of a table along ``at``, which stands last."""
+    line = ",".join([REAL] * len(columns)) + ",%s\n"
+    return [line % row for row in zip(*(column.tolist() for column in columns), at, strict=True)]
