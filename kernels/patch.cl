@@ -4,35 +4,72 @@
 // axis' basis. Arrays are component planes, u fastest. Of a node's cost only the last pass counts: it writes every node
 // once and reads degree + 1 control planes that stay in cache.
 
-// u axis: source (rows, n_control) -> target (rows, n_out), one work item an output.
-__kernel void contract_rows(__global const real *source, int n_control, __global const int *span,
-                            __global const real *values, int degree, int n_out, __global real *target)
+#define MAX_DEGREE 5
+
+// Bytes from which a result is written past the caches.
+#define LARGE (1 << 24)
+
+// The sum over the degree + 1 functions of a span, written out for each degree: weights stay in registers then.
+#define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_out] : 0)
+#define SUM_1(term) (w0 * term(0) + w1 * term(1))
+#define SUM_2(term) (SUM_1(term) + w2 * term(2))
+#define SUM_3(term) (SUM_2(term) + w3 * term(3))
+#define SUM_4(term) (SUM_3(term) + w4 * term(4))
+#define SUM_5(term) (SUM_4(term) + w5 * term(5))
+
+// Calls what is defined for each degree by its number.
+#define FOR_DEGREE(call) \
+    switch (degree) {    \
+    case 1: call(1) break; \
+    case 2: call(2) break; \
+    case 3: call(3) break; \
+    case 4: call(4) break; \
+    case 5: call(5) break; \
+    }
+
+// u axis: source (n_rows, n_control) -> target (n_rows, n_out); launched over (n_rows / block, n_out), each work item
+// taking `block` rows, which share their weights.
+__kernel void contract_rows(__global const real *source, int n_rows, int block, int n_control,
+                            __global const int *span, __global const real *values, int degree, int n_out,
+                            __global real *target)
 {
     int i = get_global_id(0);
     if (i >= n_out)
         return;
-    size_t row = get_global_id(1);
-    __global const real *from = source + row * n_control + span[i] - degree;
-    real sum = 0;
-    for (int a = 0; a <= degree; a++)
-        sum += values[(size_t)a * n_out + i] * from[a];
-    target[row * n_out + i] = sum;
+    size_t row = get_global_id(1) * block, end = min(row + block, (size_t)n_rows);
+    source += row * n_control + span[i] - degree;
+    target += row * n_out + i;
+    values += i;
+    real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
+#define CONTROL(a) source[a]
+#define ROWS(p)                                                         \
+    for (; row < end; row++, source += n_control, target += n_out) \
+        *target = SUM_##p(CONTROL);
+    FOR_DEGREE(ROWS)
 }
 
-// v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner), LANES of the inner axis a work item.
+// v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner); launched over
+// (outer, n_out / block, inner), each work item taking its part of `block` planes, whose sources it finds in its cache.
 __kernel __attribute__((vec_type_hint(realv)))
 void contract(__global const real *source, int n_control, int inner, __global const int *span,
-              __global const real *values, int degree, int n_out, __global real *target)
+              __global const real *values, int degree, int n_out, int block, __global real *target)
 {
-    int i = get_global_id(0) * LANES;
-    if (i >= inner)
-        return;
-    size_t out = get_global_id(1), outer = get_global_id(2);
-    __global const real *from = source + (outer * n_control + span[out] - degree) * (size_t)inner + i;
-    realv sum = 0;
-    for (int a = 0; a <= degree; a++)
-        sum += values[(size_t)a * n_out + out] * load(from, (size_t)a * inner);
-    store(sum, target, (outer * n_out + out) * (size_t)inner + i, inner - i);
+    size_t outer = get_global_id(2);
+    int first = get_global_id(1) * block, end = min(first + block, n_out);
+    values += first;
+    bool large = get_global_size(2) * n_out * inner * sizeof(real) > LARGE;
+    for (int out = first; out < end; out++, values++) {
+        __global const real *from = source + (outer * n_control + span[out] - degree) * inner;
+        __global real *to = target + (outer * n_out + out) * inner;
+        real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
+#define PLANE(a) load(from, i + (size_t)a * inner)
+#define CACHED(p) FOR_LANES(i, inner) store(SUM_##p(PLANE), to, i, inner - i);
+#define STREAMED(p) FOR_LANES(i, inner) stream(SUM_##p(PLANE), to, i, inner - i);
+        if (large)
+            FOR_DEGREE(STREAMED)
+        else
+            FOR_DEGREE(CACHED)
+    }
 }
 
 // Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.

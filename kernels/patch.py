@@ -8,10 +8,14 @@ from typing import Any
 
 import warp as wp
 
+from gpubspline.kernels.lanes import LaneArray
+
 
 @wp.kernel(enable_backward=False, module="unique")
 def contract_rows(
     source: wp.array(dtype=Any),
+    n_rows: wp.int32,
+    block: wp.int32,
     n_control: wp.int32,
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
@@ -20,37 +24,48 @@ def contract_rows(
     target: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """u axis: source (rows, n_control) -> target (rows, n_out)."""
-    row, i = wp.tid()
-    line = wp.int64(row + first)
-    start = line * wp.int64(n_control) + wp.int64(span[i] - degree)
-    total = target.dtype(0.0)
-    for a in range(degree + 1):
-        total = total + values[a * n_out + i] * source[start + wp.int64(a)]
-    target[line * wp.int64(n_out) + wp.int64(i)] = total
+    """u axis: source (n_rows, n_control) -> target (n_rows, n_out).
+
+    Launched over (n_rows / block, n_out), each work item taking ``block`` rows.
+    """
+    tid_row, i = wp.tid()
+    row = (tid_row + first) * block
+    for line in range(row, wp.min(row + block, n_rows)):
+        start = wp.int64(line) * wp.int64(n_control) + wp.int64(span[i] - degree)
+        total = target.dtype(0.0)
+        for a in range(degree + 1):
+            total = total + values[a * n_out + i] * source[start + wp.int64(a)]
+        target[wp.int64(line) * wp.int64(n_out) + wp.int64(i)] = total
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def contract(
-    source: wp.array(dtype=Any),
+    source: LaneArray,
     n_control: wp.int32,
     inner: wp.int32,
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
     degree: wp.int32,
     n_out: wp.int32,
-    target: wp.array(dtype=Any),
+    block: wp.int32,
+    target: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
-    """v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner)."""
-    outer, out, i = wp.tid()
-    block = wp.int64(outer + first)
+    """v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner).
+
+    Launched over (outer, n_out / block, inner), each work item taking its part of ``block`` planes.
+    """
+    tid_outer, group, item = wp.tid()
+    outer = wp.int64(tid_outer + first)
     step = wp.int64(inner)
-    start = (block * wp.int64(n_control) + wp.int64(span[out] - degree)) * step + wp.int64(i)
-    total = target.dtype(0.0)
-    for a in range(degree + 1):
-        total = total + values[a * n_out + out] * source[start + wp.int64(a) * step]
-    target[(block * wp.int64(n_out) + wp.int64(out)) * step + wp.int64(i)] = total
+    i = wp.int64(wp.min(item * lanes, inner - lanes))
+    for out in range(group * block, wp.min((group + 1) * block, n_out)):
+        start = (outer * wp.int64(n_control) + wp.int64(span[out] - degree)) * step + i
+        total = values[out] * source[start]
+        for a in range(1, degree + 1):
+            total = total + values[a * n_out + out] * source[start + wp.int64(a) * step]
+        target[(outer * wp.int64(n_out) + wp.int64(out)) * step + i] = total
 
 
 @wp.kernel(enable_backward=False, module="unique")

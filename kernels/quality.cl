@@ -2,7 +2,7 @@
 // vectors, for the element the least of its corners. A corner with an edge of no length counts 0.
 // Source: Knupp 2000; quads in space as the Verdict library defines them, against the normal at the centre.
 //
-// Every kernel works on LANES elements at once: lane l of a vector belongs to element first + l.
+// Every kernel works on LANES elements at once: lane l of a vector belongs to element i + l or first + l.
 
 typedef struct { realv x, y, z; } point;
 
@@ -102,30 +102,28 @@ __kernel __attribute__((vec_type_hint(realv)))
 void hex_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
                          __global const int *cells, int n_cells, __global real *out)
 {
-    int first = get_global_id(0) * LANES;
-    if (first >= n_cells)
-        return;
-    point p[8];
-    realv corner[8];
-    for (int c = 0; c < 8; c++)
-        p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
-    hex_corners(p, corner);
-    store(least(corner, 8), out, first, n_cells - first);
+    FOR_LANES(first, n_cells) {
+        point p[8];
+        realv corner[8];
+        for (int c = 0; c < 8; c++)
+            p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+        hex_corners(p, corner);
+        store(least(corner, 8), out, first, n_cells - first);
+    }
 }
 
 __kernel __attribute__((vec_type_hint(realv)))
 void quad_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
                           __global const int *cells, int n_cells, __global real *out)
 {
-    int first = get_global_id(0) * LANES;
-    if (first >= n_cells)
-        return;
-    point p[4];
-    realv corner[4];
-    for (int c = 0; c < 4; c++)
-        p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
-    quad_corners(p, corner);
-    store(least(corner, 4), out, first, n_cells - first);
+    FOR_LANES(first, n_cells) {
+        point p[4];
+        realv corner[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+        quad_corners(p, corner);
+        store(least(corner, 4), out, first, n_cells - first);
+    }
 }
 
 // out: (8, n_cells) planes
@@ -133,16 +131,15 @@ __kernel __attribute__((vec_type_hint(realv)))
 void hex_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
                          __global const int *cells, int n_cells, __global real *out)
 {
-    int first = get_global_id(0) * LANES;
-    if (first >= n_cells)
-        return;
-    point p[8];
-    realv corner[8];
-    for (int c = 0; c < 8; c++)
-        p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
-    hex_corners(p, corner);
-    for (int c = 0; c < 8; c++)
-        store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+    FOR_LANES(first, n_cells) {
+        point p[8];
+        realv corner[8];
+        for (int c = 0; c < 8; c++)
+            p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+        hex_corners(p, corner);
+        for (int c = 0; c < 8; c++)
+            store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+    }
 }
 
 // out: (4, n_cells) planes
@@ -150,16 +147,15 @@ __kernel __attribute__((vec_type_hint(realv)))
 void quad_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
                           __global const int *cells, int n_cells, __global real *out)
 {
-    int first = get_global_id(0) * LANES;
-    if (first >= n_cells)
-        return;
-    point p[4];
-    realv corner[4];
-    for (int c = 0; c < 4; c++)
-        p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
-    quad_corners(p, corner);
-    for (int c = 0; c < 4; c++)
-        store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+    FOR_LANES(first, n_cells) {
+        point p[4];
+        realv corner[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+        quad_corners(p, corner);
+        for (int c = 0; c < 4; c++)
+            store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
+    }
 }
 
 // Nodes n_u x n_v x n_w, u fastest; launched over (n_w - 1, n_v - 1, n_u - 1) cells.
@@ -167,16 +163,16 @@ __kernel __attribute__((vec_type_hint(realv)))
 void hex_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,
                                     int n_v, int n_w, __global real *out)
 {
-    int i = get_global_id(0) * LANES;
-    if (i >= n_u - 1)
-        return;
     size_t j = get_global_id(1), k = get_global_id(2);
-    size_t low = (k * n_v + j) * n_u + i, high = low + (size_t)n_u * n_v;
-    point p[8] = {row(x, y, z, low),  row(x, y, z, low + 1),  row(x, y, z, low + n_u + 1),  row(x, y, z, low + n_u),
-                  row(x, y, z, high), row(x, y, z, high + 1), row(x, y, z, high + n_u + 1), row(x, y, z, high + n_u)};
-    realv corner[8];
-    hex_corners(p, corner);
-    store(least(corner, 8), out, (k * (n_v - 1) + j) * (n_u - 1) + i, n_u - 1 - i);
+    out += (k * (n_v - 1) + j) * (n_u - 1);
+    FOR_LANES(i, n_u - 1) {
+        size_t a = (k * n_v + j) * n_u + i, b = a + n_u, c = a + (size_t)n_u * n_v, d = c + n_u;
+        point p[8] = {row(x, y, z, a), row(x, y, z, a + 1), row(x, y, z, b + 1), row(x, y, z, b),
+                      row(x, y, z, c), row(x, y, z, c + 1), row(x, y, z, d + 1), row(x, y, z, d)};
+        realv corner[8];
+        hex_corners(p, corner);
+        store(least(corner, 8), out, i, n_u - 1 - i);
+    }
 }
 
 // Nodes n_u x n_v, u fastest; launched over (n_v - 1, n_u - 1) cells.
@@ -184,12 +180,13 @@ __kernel __attribute__((vec_type_hint(realv)))
 void quad_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,
                                      int n_v, __global real *out)
 {
-    int i = get_global_id(0) * LANES;
-    if (i >= n_u - 1)
-        return;
-    size_t j = get_global_id(1), low = j * n_u + i;
-    point p[4] = {row(x, y, z, low), row(x, y, z, low + 1), row(x, y, z, low + n_u + 1), row(x, y, z, low + n_u)};
-    realv corner[4];
-    quad_corners(p, corner);
-    store(least(corner, 4), out, j * (n_u - 1) + i, n_u - 1 - i);
+    size_t j = get_global_id(1);
+    out += j * (n_u - 1);
+    FOR_LANES(i, n_u - 1) {
+        size_t a = j * n_u + i, b = a + n_u;
+        point p[4] = {row(x, y, z, a), row(x, y, z, a + 1), row(x, y, z, b + 1), row(x, y, z, b)};
+        realv corner[4];
+        quad_corners(p, corner);
+        store(least(corner, 4), out, i, n_u - 1 - i);
+    }
 }

@@ -14,6 +14,7 @@ from gpubspline.device.pocl import name_processor
 from gpubspline.errors import BackendUnavailable
 
 CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0
+CPU_RUN = 128  # vectors of the fastest dimension that a work item takes on a CPU
 GPU_GROUP = 64
 SIGNATURE = re.compile(r"__kernel\s+(__attribute__\(\(vec_type_hint\(realv\)\)\)\s+)?void\s+(\w+)\s*\(([^)]*)\)")
 
@@ -107,8 +108,8 @@ class OpenCLDevice:
         shape = [dim] if isinstance(dim, int) else [int(n) for n in reversed(dim)]
         if 0 in shape:
             return
-        if in_lanes:
-            shape[0] = -(-shape[0] // self._lanes)
+        if in_lanes and self._is_cpu:
+            shape[0] = -(-shape[0] // (CPU_LANES * CPU_RUN))
         group = None
         if not self._is_cpu:
             shape[0] = -(-shape[0] // GPU_GROUP) * GPU_GROUP

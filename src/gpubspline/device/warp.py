@@ -46,6 +46,9 @@ def _cuda_driver() -> bool:
     return ctypes.util.find_library("nvcuda" if os.name == "nt" else "cuda") is not None
 
 
+CPU_LANES = 8
+
+
 class WarpDevice:
     """One Warp device; on the CPU a launch would run on one thread, so its outermost dimension is split over a pool."""
 
@@ -59,6 +62,8 @@ class WarpDevice:
         self.real = real
         self._real = warp.float64 if real == np.float64 else warp.float32
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self._lane_array = importlib.import_module("gpubspline.kernels.lanes").LaneArray
+        self._compiled: set[Any] = set()
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
 
     def put(self, array: Any) -> Any:
@@ -80,26 +85,61 @@ class WarpDevice:
         return np.asarray(buffer.numpy())
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
-        """Run a kernel; the start of each thread's share is its last argument, ``first``."""
+        """Run a kernel, in vectors of lanes where it is written so; see ``kernels/lanes.py``."""
         file, _, name = kernel.partition(".")
         function = getattr(importlib.import_module(f"gpubspline.kernels.{file}"), name)
         shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
         if 0 in shape:
             return
-        inputs = [self._argument(value) for value in args]
-        self._warp_launch(function, shape, inputs)
+        inputs, last = [self._argument(value) for value in args], []
+        if function.adj.args[-1].label == "lanes":
+            lanes = CPU_LANES if self._device.is_cpu and shape[-1] >= CPU_LANES else 1
+            if lanes > 1:
+                inputs = self._in_lanes(function, inputs, lanes)
+                shape = (*shape[:-1], -(-shape[-1] // lanes))
+            last = [lanes]
+        self._launch_shares(function, shape, inputs, last)
 
-    def _warp_launch(self, function: Any, shape: tuple[int, ...], inputs: list[Any]) -> None:
+    def _launch_shares(self, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]) -> None:
+        """Launch once for each thread; the start of its share of the outermost dimension is the argument ``first``."""
         shares = min(self._threads, shape[0]) if self._pool else 1
         bounds = np.linspace(0, shape[0], shares + 1).astype(int)
 
         def run(share: int) -> None:
             start, stop = int(bounds[share]), int(bounds[share + 1])
-            self._warp.launch(function, (stop - start, *shape[1:]), inputs=[*inputs, start], device=self._device)
+            part = (stop - start, *shape[1:])
+            self._warp.launch(function, part, inputs=[*inputs, start, *last], device=self._device)
 
-        run(0)  # compiles where that is still to do, so that no two threads do
-        if self._pool and shares > 1:
-            list(self._pool.map(run, range(1, shares)))
+        if self._pool is None or shares == 1:
+            return run(0)
+        kinds = (function.key, tuple(getattr(value, "dtype", type(value)) for value in inputs))
+        if kinds not in self._compiled:  # the first launch compiles, which two threads must not do at once
+            self._compiled.add(kinds)
+            run(0)
+            shares_left = range(1, shares)
+        else:
+            shares_left = range(shares)
+        list(self._pool.map(run, shares_left))
+        return None
+
+    def _in_lanes(self, function: Any, inputs: list[Any], lanes: int) -> list[Any]:
+        """See each lane array as overlapping vectors, one from every element on."""
+        vector = self._warp.types.vector(lanes, self._real)
+        seen = list(inputs)
+        for position, argument in enumerate(function.adj.args[: len(inputs)]):
+            if argument.type is self._lane_array:
+                flat = inputs[position]
+                count = max(flat.size - lanes + 1, 0)
+                step = (self.real.itemsize,)
+                seen[position] = self._warp.array(
+                    ptr=flat.ptr,
+                    dtype=vector,
+                    shape=(count,),
+                    strides=step,
+                    device=self._device,
+                    capacity=flat.capacity,
+                )
+        return seen
 
     def _argument(self, value: Any) -> Any:
         if isinstance(value, self._warp.array):

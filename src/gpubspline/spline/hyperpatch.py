@@ -16,6 +16,8 @@ from gpubspline.spline.knots import MAX_DEGREE, check_knots, clamped_uniform, in
 Floats = NDArray[np.float64]
 Reals = NDArray[Any]
 ENDS = 1e-12
+ROW_BLOCK = 8  # rows of control points that share their weights in a work item
+PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work item
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,13 +218,16 @@ def _contract(
     (span, values, inner), degree = bases[0], degrees[0]
     rows = prod(shape[1:])
     target = device.empty((rows, inner))
-    device.launch("patch.contract_rows", (rows, inner), buffer, shape[0], span, values, degree, inner, target)
+    items = (-(-rows // ROW_BLOCK), inner)
+    arguments = (buffer, rows, ROW_BLOCK, shape[0], span, values, degree, inner, target)
+    device.launch("patch.contract_rows", items, *arguments)
     for direction in range(1, len(bases)):
         buffer, (span, values, count), degree = target, bases[direction], degrees[direction]
         outer = prod(shape[direction + 1 :])
         target = device.empty((outer, count * inner))
-        arguments = (buffer, shape[direction], inner, span, values, degree, count, target)
-        device.launch("patch.contract", (outer, count, inner), *arguments)
+        items = (outer, -(-count // PLANE_BLOCK), inner)
+        arguments = (buffer, shape[direction], inner, span, values, degree, count, PLANE_BLOCK, target)
+        device.launch("patch.contract", items, *arguments)
         inner *= count
     return target, inner
 
