@@ -160,5 +160,7 @@ def _header(grid: str, attributes: Mapping[str, str], arrays: Mapping[_Key, Arra
 def _data_arrays(section: str, arrays: Mapping[_Key, Array], offsets: dict[_Key, int]) -> Iterator[str]:
     for key, array in arrays.items():
         if key[0] == section:
-            kind = f'type="{TYPES[array.dtype]}" Name={quoteattr(array.name)} NumberOfComponents="{array.n_components}"'
+            # meshio takes a stated single component for a table of one column
+            shape = f' NumberOfComponents="{array.n_components}"' if array.n_components > 1 else ""
+            kind = f'type="{TYPES[array.dtype]}" Name={quoteattr(array.name)}{shape}'
             yield f'<DataArray {kind} format="appended" offset="{offsets[key]}"/>'

@@ -1,14 +1,15 @@
-"""VTK's XML unstructured grid (.vtu): binary, compressed, with every field.
+"""VTK's XML unstructured grid (.vtu): binary, with every field; connectivity is spelled out part by part.
 
 The format has no node or element sets: they are left out. Source: VTK file formats, "UnstructuredGrid".
 """
 
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gpubspline.errors import InputError
-from gpubspline.export.quiet import quiet_meshio
-from gpubspline.files import whole_file
+from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
+from gpubspline.export.rows import chunks
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
 
@@ -22,8 +23,32 @@ def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int |
     """
     if modulus_bins is not None:
         raise InputError(f"expected modulus_bins with a .inp deck only, got {path.name!r}")
-    import meshio
+    n_entries = mesh.n_elements * mesh.element.n_nodes
+    counting = np.dtype(np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64)
+    sections = {
+        "PointData": field_arrays({name: values.dtype for name, values in mesh.fields.items()}, mesh.n_nodes),
+        "CellData": field_arrays({name: values.dtype for name, values in mesh.cell_fields.items()}, mesh.n_elements),
+        "Points": [Array("Points", stored_type(mesh.points.dtype, "Points"), mesh.n_nodes, 3)],
+        "Cells": [
+            Array("connectivity", stored_type(np.int32, "connectivity"), n_entries),
+            Array("offsets", stored_type(counting, "offsets"), mesh.n_elements),
+            Array("types", np.dtype(np.uint8), mesh.n_elements),
+        ],
+    }
+    size = {"NumberOfPoints": str(mesh.n_nodes), "NumberOfCells": str(mesh.n_elements)}
+    with appended_file(path, "UnstructuredGrid", size, sections) as file:
+        for name, values in mesh.fields.items():
+            file.put("PointData", name, 0, values)
+        for name, values in mesh.cell_fields.items():
+            file.put("CellData", name, 0, values)
+        file.put_planes("Points", "Points", 0, mesh.planes)
+        _write_cells(file, mesh, counting)
 
-    with whole_file(path) as temporary, quiet_meshio():
-        bare = replace(mesh, node_sets={}, element_sets={})
-        meshio.write(temporary, bare.to_meshio(), file_format="vtu", binary=True, compression="zlib")
+
+def _write_cells(file: AppendedFile, mesh: Mesh, counting: np.dtype[np.int32 | np.int64]) -> None:
+    n_nodes = mesh.element.n_nodes
+    for rows in chunks(mesh.n_elements):
+        elements = np.arange(rows.start, rows.stop)
+        file.put("Cells", "connectivity", n_nodes * rows.start, mesh.cells_of(elements).ravel())
+        file.put("Cells", "offsets", rows.start, ((elements + 1) * n_nodes).astype(counting))
+        file.put("Cells", "types", rows.start, np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8))

@@ -62,11 +62,16 @@ def has_node(element: Element, structure: Counts) -> NDArray[np.bool_] | None:
 def cells_of(element: Element, structure: Counts, elements: Integers) -> NDArray[np.int32]:
     """Node numbers (m, k) of the given elements (m,), which are numbered along u, then v, then w."""
     corner = np.unravel_index(np.asarray(elements, dtype=np.int64), element_counts(structure), order="F")
-    at = [
-        element.order * index[:, None] + np.array([v[axis] * element.order // 2 for v in element.vertices])
-        for axis, index in enumerate(corner)
-    ]
-    return node_numbers(element, structure, at).astype(np.int32)
+    first = [element.order * index for index in corner]
+    steps = [np.array([v[axis] * element.order // 2 for v in element.vertices]) for axis in range(element.dimension)]
+    if element.serendipity:
+        at = [index[:, None] + step for index, step in zip(first, steps, strict=True)]
+        return node_numbers(element, structure, at).astype(np.int32)
+    cells = np.empty((len(corner[0]), element.n_nodes), dtype=np.int32)
+    start = node_numbers(element, structure, first).astype(np.int32)
+    for vertex, step in enumerate(node_numbers(element, structure, steps).astype(np.int32)):
+        np.add(start, step, out=cells[:, vertex])
+    return cells
 
 
 def elements_at(structure: Counts, side: str) -> Integers:
