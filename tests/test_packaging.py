@@ -16,7 +16,7 @@ def test_every_package_of_the_tree_is_named() -> None:
     )
     source = ROOT / "src"
     found = {".".join(path.parent.relative_to(source).parts) for path in source.rglob("__init__.py")}
-    assert named == found | {"gpubspline.kernels"}
+    assert named == found | {"gpubspline.bench", "gpubspline.kernels"}
 
 
 def test_import_loads_no_backend() -> None:

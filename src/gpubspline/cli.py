@@ -60,7 +60,7 @@ def mesh(
     sampling, device = sampled.sampling(), run.open()
     with run.clock() as clock:
         fitted = pipeline.fit_patch(wanted, shaping, device, clock)
-        model = pipeline.sample_patch(fitted.fit.patch, sampling, device, clock)
+        model = files.make(fitted.fit.patch, sampling, device, clock, fitted.region)
         figures = pipeline.summarise(model, device, clock, fitted)
         files.write(model, figures, clock)
     run.say([*describe.summary_lines(figures), *describe.wrote(files.paths)])
@@ -108,7 +108,7 @@ def sample(
     with run.clock() as clock:
         with clock.stage("read"):
             patch = load_model(model)
-        made = pipeline.sample_patch(patch, sampling, device, clock)
+        made = files.make(patch, sampling, device, clock)
         figures = pipeline.summarise(made, device, clock)
         files.write(made, figures, clock)
     run.say([*describe.summary_lines(figures), *describe.wrote(files.paths)])
@@ -233,12 +233,43 @@ def demo(
             with clock.stage("scan"):
                 write_phantom("adult-femur", series, clock.advance)
         fitted = pipeline.fit_patch(Source(series), SplineOptions(control=counts).shaping(3), device, clock)
-        model = pipeline.sample_patch(fitted.fit.patch, MeshOptions(nodes=counts).sampling(), device, clock)
+        model = files.make(fitted.fit.patch, MeshOptions(nodes=counts).sampling(), device, clock, fitted.region)
         figures = pipeline.summarise(model, device, clock, fitted)
         files.write(model, figures, clock)
         with clock.stage("write"):
-            write(model.mesh, deck, law=model.material.law)
+            write(model.mesh, deck, law=model.sampling.law)
     run.say([*describe.summary_lines(figures), *describe.wrote([series, *files.paths, deck])])
+
+
+@app.command()
+def bench(
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="may be given again", show_default="all")
+    ] = None,
+    device: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="see 'gpubspline backends'; may be given again", show_default="all"),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="smaller sizes: minutes")] = False,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="the rows, .json", show_default=False)] = None,
+    chart: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="time and memory against nodes, .png", show_default=False)
+    ] = None,
+) -> None:
+    """Measure each piece of work beside its peers and the memory bandwidth of this machine."""
+    from gpubspline.bench import bench_scale, run
+
+    for path in filter(None, (json, chart)):
+        check_writable(path)
+    rows, measured = [], run.run(only or (), device or (), "quick" if quick else "full")
+    typer.echo(run.heading())
+    for row in measured:
+        typer.echo(run.line(row))
+        rows.append(row)
+    if json:
+        run.write_json(rows, json)
+    if chart:
+        bench_scale.draw([row for row in rows if row.name == "scale"], chart)
 
 
 def main() -> None:

@@ -1,0 +1,157 @@
+"""What every bench shares: rows, the least time of several runs, and peers, whose results are compared first."""
+
+import importlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.errors import GpubsplineError
+
+SCALES = ("full", "quick", "tiny")
+"""``quick`` takes minutes, ``tiny`` is for tests: its figures mean nothing."""
+
+LONG = 5.0  # seconds: what takes longer is repeated once, not more
+
+Run = Callable[[], Any]
+Peer = Callable[[], tuple[Run, Callable[[Any], Any]]]
+"""Prepares the peer's own form of the input and gives what is timed, and how to see its result as ours is shaped.
+
+Raises ImportError where the peer is not installed.
+"""
+
+
+class WrongResult(GpubsplineError):
+    """What was to be timed computes something else than its peer."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a bench runs.
+
+    Attributes
+    ----------
+    device: of float32.
+    fill, triad: bandwidth measured there, bytes a second.
+    scale: one of ``SCALES``.
+    """
+
+    device: Device
+    fill: float
+    triad: float
+    scale: str
+
+    @property
+    def fast(self) -> bool:
+        """Whether the memory is a GPU's, so that larger inputs are wanted for a run to last."""
+        return self.fill > 2e11
+
+
+@dataclass(frozen=True)
+class Host:
+    """Where a bench runs that has no device of its own.
+
+    Attributes
+    ----------
+    folder: for its files; emptied between benches.
+    scale: one of ``SCALES``.
+    """
+
+    folder: Path
+    scale: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement.
+
+    Attributes
+    ----------
+    name: of the work.
+    size: of the input, in words.
+    device: name of the device, or ``"host"``.
+    seconds: least of several runs.
+    items: how many nodes, elements, points or bytes were made, so that items / seconds is the rate.
+    bandwidth_fraction: the least time in which the machine could move the bytes that must be moved, over ``seconds``;
+        None where no bytes bound the work.
+    peers: seconds of others for the same work, None for one that is not installed.
+    peak_bytes: most memory of the process, where it was watched.
+    """
+
+    name: str
+    size: str
+    device: str
+    seconds: float
+    items: int
+    bandwidth_fraction: float | None = None
+    peers: dict[str, float | None] = field(default_factory=dict)
+    peak_bytes: int | None = None
+
+    @property
+    def ratio(self) -> dict[str, float | None]:
+        """How many times faster than each peer; None for one that is not installed."""
+        return {name: None if seconds is None else seconds / self.seconds for name, seconds in self.peers.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return {**vars(self), "ratio": self.ratio}
+
+
+def best_of(run: Run, *, warm_up: bool = True, budget: float = 1.0) -> float:
+    """Least seconds of at least 3 runs, and of up to 50 while they fit in ``budget`` seconds; of one that is long."""
+    if warm_up:
+        run()
+    times: list[float] = []
+    while len(times) < 3 or (len(times) < 50 and sum(times) < budget):
+        start = perf_counter()
+        run()
+        times.append(perf_counter() - start)
+        if times[-1] > LONG:
+            break
+    return min(times)
+
+
+def check(what: str, ours: Any, theirs: Any, tolerance: float) -> None:
+    """Raise ``WrongResult`` unless two arrays (planes, n) agree within ``tolerance`` of each plane's largest value."""
+    ours, theirs = np.atleast_2d(ours), np.atleast_2d(theirs)
+    if ours.shape != theirs.shape:
+        raise WrongResult(f"expected {what} of shape {theirs.shape}, got {ours.shape}")
+    for plane, other in zip(ours, theirs, strict=True):
+        difference, size = _largest(plane - other), _largest(other)
+        if not difference <= tolerance * size:
+            raise WrongResult(f"expected {what} within {tolerance * size:.2g}, got a difference of {difference:.2g}")
+
+
+def _largest(values: NDArray[Any]) -> float:
+    return float(max(np.max(values), -np.min(values)))
+
+
+def time_peers(what: str, ours: Any, tolerance: float, peers: dict[str, Peer]) -> dict[str, float | None]:
+    """Compare each peer's result with ours, then time it; seconds by name, None for a peer that is not installed."""
+    seconds: dict[str, float | None] = {}
+    for name, prepare in peers.items():
+        try:
+            run, view = prepare()
+        except ImportError:
+            seconds[name] = None
+            continue
+        if ours is not None:
+            check(f"{what} as {name} has it", ours, view(run()), tolerance)
+        seconds[name] = best_of(run, warm_up=ours is None)
+    return seconds
+
+
+def peer(module: str) -> Any:
+    """Import a peer; raises ImportError where it is not installed."""
+    return importlib.import_module(module)
+
+
+def cores() -> int:
+    """Cores that this process may use, for peers that ask."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

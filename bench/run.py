@@ -1,0 +1,125 @@
+"""Runs the benches and gives the README's table: ``gpubspline bench``, or ``python bench/run.py`` in a clone."""
+
+import json
+import platform
+import runpy
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from gpubspline.bench import (
+    bench_bandwidth,
+    bench_evaluate,
+    bench_fused,
+    bench_lattice,
+    bench_material,
+    bench_quality,
+    bench_read,
+    bench_resample,
+    bench_scale,
+    bench_start_up,
+    bench_write,
+)
+from gpubspline.bench.measure import Host, Place, Row, cores
+from gpubspline.device import list_devices, open_device
+from gpubspline.errors import InputError
+
+ON_DEVICES: dict[str, Callable[[Place], Iterator[Row]]] = {
+    "bandwidth": bench_bandwidth.rows,
+    "evaluate": bench_evaluate.rows,
+    "quality-structured": bench_quality.structured,
+    "quality-explicit": bench_quality.explicit,
+    "material": bench_material.rows,
+    "fused": bench_fused.rows,
+    "resample": bench_resample.rows,
+    "start-up": bench_start_up.first_kernels,
+}
+ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {
+    "lattice": bench_lattice.rows,
+    "write-inp": bench_write.inp,
+    "write-vtu": bench_write.vtu,
+    "write-vts": bench_write.vts,
+    "read-dicom": bench_read.rows,
+    "start-up": bench_start_up.help_page,
+    "scale": bench_scale.rows,
+}
+NAMES = tuple(dict.fromkeys((*ON_DEVICES, *ON_HOST)))
+
+
+def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "full") -> Iterator[Row]:
+    """Give the rows as they are measured.
+
+    Arguments
+    ---------
+    only: names of ``NAMES``; all of them where empty.
+    devices: as for ``open_device``; every device of every backend that is present where empty.
+    scale: one of ``measure.SCALES``.
+
+    Raises
+    ------
+    InputError for an unknown name; BackendUnavailable for a device that is not there; WrongResult where a result is
+    not its peer's.
+    """
+    wanted = tuple(only) or NAMES
+    unknown = [name for name in wanted if name not in NAMES]
+    if unknown:
+        raise InputError(f"expected a bench of {', '.join(NAMES)}, got {', '.join(unknown)}")
+    return _rows(wanted, tuple(devices) or present(), scale)
+
+
+def present() -> tuple[str, ...]:
+    """Names of every device of every backend; a missing backend's row has no number."""
+    return tuple(name for name, _ in list_devices() if ":" in name)
+
+
+def _rows(wanted: Sequence[str], devices: Sequence[str], scale: str) -> Iterator[Row]:
+    on_devices = [bench for name, bench in ON_DEVICES.items() if name in wanted]
+    places = [bench_bandwidth.measure(open_device(name), scale) for name in devices if on_devices]
+    for bench in on_devices:
+        for place in places:
+            yield from bench(place)
+    for name, host_bench in ON_HOST.items():
+        if name in wanted:
+            with tempfile.TemporaryDirectory() as folder:
+                yield from host_bench(Host(Path(folder), scale))
+
+
+def heading() -> str:
+    """The machine in a line, and the head of the table, Markdown."""
+    machine = f"{platform.machine()}, {cores()} cores, {platform.system()}, Python {platform.python_version()}"
+    labels = [f"`{name}` {label}" for name, label in list_devices() if ":" in name]
+    return (
+        "; ".join([machine, *labels])
+        + "\n\n| work | size | device | time | rate | of bandwidth | times faster than |\n|---|---|---|---|---|---|---|"
+    )
+
+
+def line(row: Row) -> str:
+    """One line of the table."""
+    size = row.size if row.peak_bytes is None else f"{row.size}, peak {row.peak_bytes / 1e9:.2f} GB"
+    rate = "" if row.items == 1 else f"{_short(row.items / row.seconds)}/s"
+    share = "" if row.bandwidth_fraction is None else f"{100 * row.bandwidth_fraction:.0f} %"
+    peers = ", ".join(f"{name} absent" if ratio is None else f"{name} {ratio:.3g}" for name, ratio in row.ratio.items())
+    return f"| {row.name} | {size} | {row.device} | {_time(row.seconds)} | {rate} | {share} | {peers} |"
+
+
+def _short(value: float) -> str:
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= size:
+            return f"{value / size:.3g} {letter}"
+    return f"{value:.3g} "
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1000 * seconds:.3g} ms"
+
+
+def write_json(rows: Sequence[Row], path: Path) -> None:
+    """Write the rows as a list, ``null`` for what is absent."""
+    path.write_text(json.dumps([row.to_dict() for row in rows], indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    sys.argv.insert(1, "bench")
+    runpy.run_module("gpubspline", run_name="__main__")

@@ -1,0 +1,153 @@
+"""The bench: rows of each kind in a tiny size, peers that are absent, results that are wrong."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpubspline.bench import bench_scale, run
+from gpubspline.bench.bench_evaluate import random_patch
+from gpubspline.bench.measure import Place, Row, WrongResult, best_of, check, time_peers
+from gpubspline.bench.recorder import Recorder
+from gpubspline.device import Device
+from gpubspline.errors import InputError
+
+RESULTS = [name for name in run.ON_DEVICES if name not in ("bandwidth", "start-up")]
+
+
+class Wrong(Recorder):
+    """A device one of whose results is off by a thousandth."""
+
+    def get(self, buffer: Any) -> Any:
+        values = np.array(super().get(buffer))
+        if values.dtype.kind == "f":
+            values *= 1.001
+        return values
+
+
+def tiny(device: Device) -> Place:
+    return Place(device, fill=1e10, triad=1e10, scale="tiny")
+
+
+def well_formed(row: Row) -> bool:
+    """What anybody who reads the list of rows may count on."""
+    found = row.to_dict()
+    assert found.keys() >= {"name", "size", "device", "seconds", "bandwidth_fraction", "peers", "ratio"}
+    assert found["seconds"] > 0 and found["items"] > 0 and found["size"]
+    for name, seconds in found["peers"].items():
+        assert (seconds is None) == (found["ratio"][name] is None)
+        assert seconds is None or found["ratio"][name] == pytest.approx(seconds / found["seconds"])
+    return bool(found["bandwidth_fraction"] is None or found["bandwidth_fraction"] > 0)
+
+
+@pytest.mark.parametrize("name", run.ON_DEVICES)
+def test_rows_of_a_device(name: str, device: Device) -> None:
+    rows = list(run.ON_DEVICES[name](tiny(device)))
+    assert rows and all(well_formed(row) and row.device == device.name for row in rows)
+
+
+@pytest.mark.parametrize("name", [name for name in run.ON_HOST if name not in ("start-up", "scale")])
+def test_rows_of_the_host(name: str) -> None:
+    rows = list(run.run([name], scale="tiny"))
+    assert rows and all(well_formed(row) and row.name == name and row.device == "host" for row in rows)
+
+
+def test_scale_watches_memory_and_draws(tmp_path: Path) -> None:
+    (row,) = run.run(["scale"], scale="tiny")
+    assert well_formed(row)
+    if sys.platform != "win32":
+        assert row.peak_bytes is not None and 5e7 < row.peak_bytes < 5e9  # Python with NumPy takes 30 MB
+    bench_scale.draw([row], tmp_path / "scale.png")
+    assert (tmp_path / "scale.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_bandwidth_is_measured_where_asked(device: Device) -> None:
+    fill, triad = run.run(["bandwidth"], [device.name], "tiny")
+    assert (fill.name, triad.name) == ("fill", "triad") and fill.device == triad.device == device.name
+    assert fill.items / fill.seconds == pytest.approx(1e9 / fill.seconds)
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_wrong_result_stops_it(name: str, device: Device) -> None:
+    with pytest.raises(WrongResult, match="expected"):
+        list(run.ON_DEVICES[name](tiny(Wrong(device))))
+
+
+def test_a_peer_that_does_not_import_is_absent(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("splipy", "splinepy", "pyvista"):
+        monkeypatch.setitem(sys.modules, module, None)
+    row = next(run.ON_DEVICES["evaluate"](tiny(device)))
+    assert row.peers["splinepy"] is row.peers["splipy"] is row.ratio["splipy"] is None
+    assert row.peers["scipy"] is not None
+    assert "splinepy absent" in run.line(row)
+    (row,) = run.ON_DEVICES["quality-explicit"](tiny(device))
+    assert row.peers == {"VTK": None}
+
+
+def test_recorder_repeats_what_was_launched(device: Device) -> None:
+    recorder, axes = Recorder(device), [np.linspace(0, 1, 5)] * 3
+    patch = random_patch((4, 5, 6), 3)
+    before = patch.evaluate_grid(axes, recorder).copy()
+    recorder.replay()
+    assert np.array_equal(patch.evaluate_grid(axes, device), before)
+
+
+def test_recorder_replays_into_the_same_buffers(device: Device) -> None:
+    recorder = Recorder(device)
+    out = recorder.empty(10)
+    recorder.launch("bandwidth.fill", 10, out, 2.0, 10)
+    device.launch("bandwidth.fill", 10, out, 3.0, 10)
+    recorder.replay()
+    assert np.array_equal(device.get(out), np.full(10, 2.0))
+
+
+def test_bandwidth_kernels(any_device: Device) -> None:
+    rng = np.random.default_rng(0)
+    for n in (1, 7, 8, 1003):  # one lane, less than a vector, a vector, many with a rest
+        a, b, value = rng.random(n), rng.random(n), float(any_device.real.type(rng.random()))
+        out = any_device.put(np.full(n + 3, -1.0))
+        any_device.launch("bandwidth.fill", n, out, value, n)
+        assert np.array_equal(any_device.get(out), [value] * n + [-1] * 3)
+        any_device.launch("bandwidth.triad", n, any_device.put(a), any_device.put(b), value, n, out)
+        assert np.allclose(any_device.get(out)[:n], a + value * b, rtol=1e-6)
+        assert np.array_equal(any_device.get(out)[n:], [-1] * 3)
+
+
+def test_best_of_is_the_least() -> None:
+    calls: list[int] = []
+    assert best_of(lambda: calls.append(0), budget=0.0) >= 0
+    assert len(calls) == 4  # a warm-up and three
+
+
+def test_check_compares_planes_by_their_own_size() -> None:
+    large, small = np.full(4, 1e6), np.full(4, 1.0)
+    check("planes", np.stack([large + 1, small]), np.stack([large, small]), 1e-5)
+    with pytest.raises(WrongResult, match=r"got a difference of 0\.01"):
+        check("planes", np.stack([large, small + 0.01]), np.stack([large, small]), 1e-5)
+    with pytest.raises(WrongResult, match="nan"):
+        check("planes", np.array([np.nan]), np.array([1.0]), 1e-5)
+    with pytest.raises(WrongResult, match="shape"):
+        check("planes", small, small[:3], 1e-5)
+
+
+def test_a_peer_is_compared_before_it_is_timed() -> None:
+    with pytest.raises(WrongResult, match="as other has it"):
+        time_peers("work", np.ones(3), 0, {"other": lambda: (lambda: np.zeros(3), lambda values: values)})
+
+
+def test_unknown_bench_is_refused() -> None:
+    with pytest.raises(InputError, match="expected a bench of bandwidth, evaluate"):
+        run.run(["no-such"])
+
+
+def test_table_is_markdown(tmp_path: Path) -> None:
+    rows = [Row("evaluate", "8 nodes", "host", 0.25, 8, 0.5, {"scipy": 5.0, "splipy": None})]
+    text = [*run.heading().splitlines(), run.line(rows[0])]
+    assert text[-1] == "| evaluate | 8 nodes | host | 250 ms | 32 /s | 50 % | scipy 20, splipy absent |"
+    assert len({row.count("|") for row in text[-3:]}) == 1
+    run.write_json(rows, tmp_path / "rows.json")
+    (found,) = json.loads((tmp_path / "rows.json").read_text())
+    assert found["ratio"] == {"scipy": 20.0, "splipy": None} and found["peers"] == {"scipy": 5.0, "splipy": None}
