@@ -53,7 +53,7 @@ def test_solid(
     below_tenth: float,
 ) -> None:
     fitted, made = model(series[name], device, nodes)
-    quality = made.quality
+    quality = made.counted.quality
     assert made.mesh.n_elements == elements
     assert quality.inverted == 0 and quality.min > 0
     assert quality.fraction_above_0_5 >= above_half and quality.fraction_below_0_1 <= below_tenth
@@ -65,4 +65,4 @@ def test_solid(
 def test_slice(series: dict[str, Path], device: Device, nodes: tuple[int, int], elements: int) -> None:
     _, made = model(series["head"], device, nodes, slice_index=20)
     assert made.mesh.n_elements == elements
-    assert made.quality.inverted == 0 and made.quality.fraction_above_0_5 >= 0.95
+    assert made.counted.quality.inverted == 0 and made.counted.quality.fraction_above_0_5 >= 0.95

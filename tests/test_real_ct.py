@@ -17,7 +17,7 @@ from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
 
 def model(source: Source, control: Any, nodes: Any, device: Device) -> tuple[Fitted, Model]:
     fitted = fit_patch(source, Shaping(control=control), device, Clock())
-    return fitted, sample_patch(fitted.fit.patch, Sampling(law(), nodes), device, Clock())
+    return fitted, sample_patch(fitted.fit.patch, Sampling(law(), nodes), device, Clock(), fitted.region)
 
 
 def test_head(data: Path, device: Device) -> None:
@@ -25,7 +25,7 @@ def test_head(data: Path, device: Device) -> None:
     fitted, made = model(source, (20, 80, 26), (20, 80, 28), device)
     figures = summarise(made, device, Clock(), fitted)
     assert made.mesh.n_elements == 40527
-    assert made.quality.inverted == 0 and made.quality.fraction_above_0_5 >= 0.97
+    assert made.counted.quality.inverted == 0 and made.counted.quality.fraction_above_0_5 >= 0.97
     assert figures["surface_distance_mm"]["mean"] < 0.5
     assert figures["volume_mm3"]["mesh"] == pytest.approx(figures["volume_mm3"]["region"], rel=0.01)
 
@@ -35,12 +35,12 @@ def test_head_slice(data: Path, device: Device, slice_index: int) -> None:
     source = Source(data / "head" / "ct_example.nii.gz", threshold_hu=-200, slice_index=slice_index)
     _, made = model(source, None, (140, 140), device)
     assert made.mesh.n_elements == 19321
-    assert made.quality.inverted == 0 and made.quality.fraction_above_0_5 >= 0.97
+    assert made.counted.quality.inverted == 0 and made.counted.quality.fraction_above_0_5 >= 0.97
 
 
 def test_jpeg_2000_series(data: Path, device: Device) -> None:
     fitted, made = model(Source(data / "dicom_j2k", threshold_hu=-200), None, (20, 24, 20), device)
-    assert made.quality.inverted == 0
+    assert made.counted.quality.inverted == 0
     assert made.mesh.volume_mm3 == pytest.approx(fitted.region.volume_mm3, rel=0.05)
 
 
@@ -50,7 +50,7 @@ def test_vertebral_body_by_label(data: Path, device: Device, label: int) -> None
     mask = folder / "sub-ct_seg-subreg_label-22_msk.nii.gz"
     source = Source(folder / "sub-ct_label-22_ct.nii.gz", mask=mask, label=label)
     _, made = model(source, None, (12, 14, 14), device)
-    assert made.quality.inverted == 0
+    assert made.counted.quality.inverted == 0
     image = sitk.ReadImage(mask)  # its neighbours have the same labels: the largest of them is meant
     parts = sitk.RelabelComponent(sitk.ConnectedComponent(image == label))
     shape = sitk.LabelShapeStatisticsImageFilter()
@@ -65,7 +65,7 @@ HIP = (-146.0, -66.0, -190.0, -100.0, 94.0, 160.0)  # the proximal femur without
 def test_proximal_femur_by_box(data: Path, device: Device, threshold_hu: float) -> None:
     source = Source(data / "hips" / "example_ct.nii.gz", threshold_hu=threshold_hu, box_mm=HIP)
     _, made = model(source, None, (14, 18, 20), device)
-    assert made.quality.inverted == 0
+    assert made.counted.quality.inverted == 0
     low, high = made.mesh.points.min(axis=0), made.mesh.points.max(axis=0)
     assert np.all(low >= np.array(HIP[::2]) - 1e-3) and np.all(high <= np.array(HIP[1::2]) + 1e-3)
 
@@ -73,7 +73,7 @@ def test_proximal_femur_by_box(data: Path, device: Device, threshold_hu: float) 
 def test_tilted_head_is_unsheared(data: Path, device: Device) -> None:
     with pytest.warns(GpubsplineWarning, match="not evenly spaced"):
         _, made = model(Source(data / "dicom_tilt", threshold_hu=-200), None, (20, 40, 37), device)
-    assert made.quality.inverted == 0
+    assert made.counted.quality.inverted == 0
     low, high = extent_of_tilted_head(data / "dicom_tilt")
     voxel = 1.0
     points = made.mesh.points

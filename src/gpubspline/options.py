@@ -176,6 +176,8 @@ class OutputOptions:
     field: Annotated[str, _option("Output", "field that colours the picture", metavar="NAME")] = "HU"
     histogram: Annotated[Path | None, _option("Output", "scaled Jacobians, .png", metavar="FILE")] = None
 
+    _streamed = False  # whether the mesh was written while it was made
+
     @property
     def paths(self) -> list[Path]:
         """Every file that is asked for."""
@@ -194,20 +196,31 @@ class OutputOptions:
         if self.modulus_bins is not None and self.output.suffix.lower() != ".inp":
             raise InputError(f"expected an .inp file for --modulus-bins, got {self.output.name}")
 
+    def make(self, patch: Any, sampling: Any, device: Any, clock: Any, region: Any = None) -> Any:
+        """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
+        from gpubspline import pipeline
+
+        first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
+        self._streamed = self.output.suffix.lower() == ".vts" and patch.parametric_dimension == 3 and first_order
+        if self._streamed:
+            return pipeline.stream_patch(patch, sampling, self.output, device, clock, region)
+        return pipeline.sample_patch(patch, sampling, device, clock, region)
+
     def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:
-        """Write them."""
+        """Write what is not written yet."""
         from gpubspline.export import write
         from gpubspline.report.histogram import write_histogram
         from gpubspline.report.picture import write_picture
         from gpubspline.report.summary import write_summary
 
-        with clock.stage("write"):
-            write(model.mesh, self.output, law=model.material.law, modulus_bins=self.modulus_bins)
+        if not self._streamed:
+            with clock.stage("write"):
+                write(model.mesh, self.output, law=model.sampling.law, modulus_bins=self.modulus_bins)
         if self.picture:
             with clock.stage("picture"):
                 write_picture(model.mesh, self.picture, field=self.field)
         if self.histogram:
-            write_histogram(model.quality, self.histogram)
+            write_histogram(model.counted.quality, self.histogram)
         if self.summary:
             figures["seconds"] = {**clock.seconds, "total": sum(clock.seconds.values())}
             write_summary(figures, self.summary)

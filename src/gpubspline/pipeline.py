@@ -1,6 +1,11 @@
 """The flow, as code: files, volume, region, control lattice, hyperpatch, mesh, material, summary."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
@@ -10,15 +15,21 @@ from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.export.vts import VtsWriter, write_slab
 from gpubspline.material.mapping import apply_material
-from gpubspline.mesh.distance import surface_distance
+from gpubspline.mesh.distance import distances, flat_axes
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
+from gpubspline.mesh.slabs import SLAB_NODES, Slab, sample_slabs
+from gpubspline.mesh.tally import add, tally
 from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
 from gpubspline.report.summary import summary
 from gpubspline.spline.fit import fit
 from gpubspline.spline.hyperpatch import Hyperpatch
 from gpubspline.spline.lattice import control_lattice, data_shape, default_shape
+
+LOOKED_AT = 96
+"""Samples per direction of the mesh that stands for one too large to draw."""
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -67,8 +78,10 @@ def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) ->
     return Fitted(region, threshold, made, shaping.fit)
 
 
-def sample_patch(patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock) -> Model:
-    """Sample a hyperpatch, map the material onto its nodes and judge its elements."""
+def sample_patch(
+    patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock, region: Region | None = None
+) -> Model:
+    """Sample a hyperpatch, map the material onto its nodes, judge its elements and its distance from the region."""
     nodes = sampling.nodes or patch.shape
     with clock.stage("sample"):
         mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
@@ -76,18 +89,63 @@ def sample_patch(patch: Hyperpatch, sampling: Sampling, device: Device, clock: C
         mesh, material = apply_material(mesh, sampling.law, device=device, **sampling.policy)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
-    return Model(mesh, quality, material)
+    with clock.stage("distance"):
+        off = None if region is None else distances(mesh, region, device)
+        counted = tally(mesh, quality, out_of_range=material.out_of_range, distances=off)
+    return Model(mesh, counted, sampling)
+
+
+def stream_patch(
+    patch: Hyperpatch,
+    sampling: Sampling,
+    path: Path,
+    device: Device,
+    clock: Clock,
+    region: Region | None = None,
+    slab_nodes: int = SLAB_NODES,
+) -> Model:
+    """Do the same slab by slab and write each to a ``.vts`` as it comes, so that memory does not grow with the mesh."""
+    nodes = sampling.nodes or patch.shape
+    seen = tuple(min(n, LOOKED_AT) for n in nodes)
+    coarse = sample_patch(patch, replace(sampling, nodes=seen), device, Clock())
+    flat = None if region is None else flat_axes(coarse.mesh, region)
+    parts = []
+    types = {name: values.dtype for name, values in coarse.mesh.fields.items()}
+    cell_types = {name: values.dtype for name, values in coarse.mesh.cell_fields.items()}
+    with VtsWriter(path, nodes, types, cell_types, coarse.mesh.points.dtype) as writer:
+        slabs = sample_slabs(patch, nodes, device=device, slab_nodes=slab_nodes)
+        while slab := _next(slabs, clock):
+            with clock.stage("material"):
+                mesh, material = apply_material(slab.mesh, sampling.law, device=device, **sampling.policy)
+            with clock.stage("quality"):
+                mesh, quality = assess(mesh, device)
+            with clock.stage("distance"):
+                off = None if region is None else _side_distances(slab, region, device, flat)
+                outside = int(np.count_nonzero(material.piece[slab.own_nodes] < 0))
+                parts.append(tally(mesh, quality, own_nodes=slab.own_nodes, out_of_range=outside, distances=off))
+            with clock.stage("write"):
+                write_slab(writer, replace(slab, mesh=mesh))
+            clock.advance(slab.last, nodes[2] - 1)
+    return Model(coarse.mesh, add(parts), sampling)
+
+
+def _next(slabs: Iterator[Slab], clock: Clock) -> Slab | None:
+    with clock.stage("sample"):
+        return next(slabs, None)
+
+
+def _side_distances(slab: Slab, region: Region, device: Device, flat: Any) -> tuple[Any, Any]:
+    found = [distances(slab.mesh, region, device, side, flat) for side in slab.sides]
+    return np.concatenate([d for d, _ in found]), np.concatenate([w for _, w in found])
 
 
 def summarise(model: Model, device: Device, clock: Clock, fitted: Fitted | None = None) -> dict[str, Any]:
     """Collect the figures of a run; those that need the CT are None where the model came from a file."""
-    known: dict[str, Any] = {"material": model.material}
+    known: dict[str, Any] = {"law": model.sampling.law, "policy": model.sampling.policy.get("policy")}
     if fitted is not None:
-        with clock.stage("distance"):
-            known["distance"] = surface_distance(model.mesh, fitted.region, device)
-            flat = model.mesh.element.dimension == 2
-            known["region_size"] = fitted.region.section_mm2 if flat else fitted.region.volume_mm3
-        error = fitted.fit.error
+        error, region = fitted.fit.error, fitted.region
+        flat = model.mesh.element.dimension == 2
+        known["region_size"] = region.section_mm2 if flat else region.volume_mm3
         known |= {"threshold_hu": fitted.threshold_hu, "fit": fitted.method}
         known |= {"fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
-    return summary(model.mesh, model.quality, device, clock.seconds, **known)
+    return summary(model.counted, device, clock.seconds, **known)

@@ -24,6 +24,7 @@ class ShownClock(Clock):
         )
         self._progress = Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown)
         self._task: TaskID | None = None
+        self._tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> "ShownClock":
         """Begin to show."""
@@ -39,7 +40,9 @@ class ShownClock(Clock):
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Run a block as one stage, shown while it runs."""
-        self._task = self._progress.add_task(name, total=None)
+        if name not in self._tasks:  # stages of a slab come again with the next slab
+            self._tasks[name] = self._progress.add_task(name, total=None)
+        self._task = self._tasks[name]
         try:
             with super().stage(name):
                 yield

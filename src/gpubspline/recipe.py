@@ -7,9 +7,8 @@ from typing import Any
 
 from gpubspline.ct.region import Region
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import Material
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.quality import Quality
+from gpubspline.mesh.tally import Tally
 from gpubspline.spline.fit import Fit
 from gpubspline.spline.lattice import SMOOTHING
 
@@ -65,8 +64,11 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A mesh whose every node has place, HU, density and stiffness, and what is known about it."""
+    """A mesh whose every node has place, HU, density and stiffness, and what was counted of it.
+
+    Where the mesh was written in slabs, ``mesh`` is a coarser one of the same patch, to look at.
+    """
 
     mesh: Mesh
-    quality: Quality
-    material: Material
+    counted: Tally
+    sampling: Sampling

@@ -11,9 +11,9 @@ import pytest
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.material.mapping import apply_material
-from gpubspline.mesh.distance import SurfaceDistance
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import assess
+from gpubspline.mesh.tally import tally
 from gpubspline.report.summary import summary, write_summary
 
 
@@ -24,14 +24,14 @@ def cube(device: Device) -> dict[str, Any]:
     mesh = Mesh(points, "hex8", structure=(3, 3, 3), fields={"HU": 100.0 * np.arange(27)})
     mesh, material = apply_material(mesh, device=device)
     mesh, quality = assess(mesh, device)
+    off = np.array([0.0, 0.1, 0.3]), np.array([1.0, 94.0, 5.0])
     return summary(
-        mesh,
-        quality,
+        tally(mesh, quality, out_of_range=material.out_of_range, distances=off),
         device,
         {"read": 0.5, "mesh": 1.5},
-        material=material,
+        law=material.law,
+        policy=material.policy,
         region_size=8.5,
-        distance=SurfaceDistance(0.1, 0.2, 0.3),
         threshold_hu=-200.0,
         fit="control",
         fit_error_mm=0.25,
@@ -49,7 +49,7 @@ def test_what_the_summary_holds(device: Device, tmp_path: Path) -> None:
     assert jacobian["histogram"]["edges"] == pytest.approx(np.linspace(0, 1, 11))
     assert jacobian["histogram"]["counts"] == [0] * 9 + [8]
     assert read["volume_mm3"] == {"mesh": pytest.approx(8.0), "region": 8.5}
-    assert read["surface_distance_mm"] == {"mean": 0.1, "p95": 0.2, "max": 0.3}
+    assert read["surface_distance_mm"] == {"mean": pytest.approx(0.109), "p95": 0.1, "max": 0.3}
     assert read["hu"] == {"min": 0.0, "max": 2600.0, "mean": 1300.0}
     # 0 HU is clamped to 100 HU, all above to 2000 HU
     assert read["modulus_mpa"]["min"] == pytest.approx(1904 * (190 / 1630) ** 1.64, rel=1e-5)
@@ -67,7 +67,7 @@ def test_what_the_summary_holds(device: Device, tmp_path: Path) -> None:
 def test_quads_have_an_area(device: Device) -> None:
     points = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [2, 3, 0]])
     mesh, quality = assess(Mesh(points, "quad4", structure=(2, 2)), device)
-    figures = summary(mesh, quality, device, {"total": 3.0, "read": 1.0}, region_size=6.5)
+    figures = summary(tally(mesh, quality), device, {"total": 3.0, "read": 1.0}, region_size=6.5)
     assert figures["area_mm2"] == {"mesh": pytest.approx(6.0), "region": 6.5}
     assert figures["volume_mm3"] == {"mesh": None, "region": None}
     assert figures["hu"] is None and figures["law"] is None

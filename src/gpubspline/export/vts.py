@@ -17,6 +17,7 @@ from gpubspline.errors import InputError
 from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.slabs import Slab
 
 EXTENSIONS = (".vts",)
 
@@ -140,6 +141,21 @@ class VtsWriter:
         if kind is None and any(missing):
             lost = f"{missing[0]} of nodes and {missing[1]} of elements are missing"
             raise InputError(f"expected every layer of {self._path.name} to be written: {lost}")
+
+
+def write_slab(writer: VtsWriter, slab: Slab) -> None:
+    """Write the layers of a slab that the one before it has not."""
+    assert slab.mesh.structure is not None
+    n_u, n_v, n_layers = slab.mesh.structure
+    skip = slab.own_nodes.start // (n_u * n_v)
+    nodes = (n_layers - skip, n_v, n_u)
+    writer.write(
+        slab.first + skip,
+        slab.mesh.planes[:, slab.own_nodes].reshape(3, *nodes),
+        {name: values[slab.own_nodes].reshape(nodes) for name, values in slab.mesh.fields.items()},
+        {name: values.reshape(-1, n_v - 1, n_u - 1) for name, values in slab.mesh.cell_fields.items()},
+        slab.first,
+    )
 
 
 def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int | None = None) -> None:

@@ -45,13 +45,35 @@ def surface_distance(mesh: Mesh, region: Region, device: Device, side: str | Non
     region: its distance is in mm, negative inside, on a grid that may be oblique or sheared.
     side: one side of a structured mesh, such as ``"w0"``, instead of all.
     """
+    return summarise_distances(*distances(mesh, region, device, side))
+
+
+def distances(
+    mesh: Mesh, region: Region, device: Device, side: str | None = None, flat: NDArray[np.bool_] | None = None
+) -> tuple[Floats, Floats]:
+    """Distances (s,), mm, at points of the mesh's surface, and the area (s,), mm2, that each stands for.
+
+    ``flat``: ``flat_axes`` of the whole mesh, where ``mesh`` is a part of it.
+    """
     points, weights = surface_points(mesh, side)
     distance = sample_distance(region, points, device)
-    size = np.abs(np.maximum(distance, _outside_scan(region, points, mesh)))
+    flat = flat_axes(mesh, region) if flat is None else flat
+    return np.abs(np.maximum(distance, _outside_scan(region, points, flat))), weights
+
+
+def summarise_distances(size: Floats, weights: Floats) -> SurfaceDistance:
+    """Summary of distances (s,), mm, each with its weight."""
     order = np.argsort(size)
     share = np.cumsum(weights[order]) / weights.sum()
     at_95 = order[min(int(np.searchsorted(share, 0.95)), size.size - 1)]
     return SurfaceDistance(float(np.average(size, weights=weights)), float(size[at_95]), float(size.max()))
+
+
+def flat_axes(mesh: Mesh, region: Region) -> NDArray[np.bool_]:
+    """(3,) voxel axes i, j, k that the mesh does not extend along: it is a slice across them."""
+    inverse = np.linalg.inv(region.affine)[:3, :3].astype(mesh.points.dtype)
+    extent = np.array([np.ptp(row @ mesh.planes) for row in inverse])
+    return np.asarray((extent < _FLAT_VOXELS) | (np.array(region.shape) == 1))
 
 
 def surface_points(mesh: Mesh, side: str | None = None) -> tuple[Floats, Floats]:
@@ -86,16 +108,13 @@ def sample_distance(region: Region, points: Floats, device: Device) -> Floats:
     return np.asarray(device.get(result), dtype=np.float64)
 
 
-def _outside_scan(region: Region, points: Floats, mesh: Mesh) -> Floats:
+def _outside_scan(region: Region, points: Floats, flat: NDArray[np.bool_]) -> Floats:
     """Signed distance (s,), mm, to the parallelepiped of the outermost voxel centres, negative inside.
 
-    The greatest of the distances to its six planes: exact inside. Axes that the mesh does not extend along have none.
+    The greatest of the distances to its six planes: exact inside. Flat axes have none.
     """
     inverse = np.linalg.inv(region.affine)
     index = points @ inverse[:3, :3].T + inverse[:3, 3]
-    last = np.array(region.distance_mm.shape[::-1]) - 1
     gap_mm = 1 / np.linalg.norm(inverse[:3, :3], axis=1)
-    beyond = np.maximum(-index, index - last) * gap_mm
-    extent = np.array([np.ptp(row @ mesh.planes) for row in inverse[:3, :3].astype(mesh.points.dtype)])
-    across = (extent < _FLAT_VOXELS) | (last == 0)
-    return np.asarray(beyond[:, ~across].max(axis=1, initial=-np.inf))
+    beyond = np.maximum(-index, index - (np.array(region.shape) - 1)) * gap_mm
+    return np.asarray(beyond[:, ~flat].max(axis=1, initial=-np.inf))

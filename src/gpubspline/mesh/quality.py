@@ -1,5 +1,6 @@
 """Scaled Jacobian of every element, and what it says about the mesh."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,6 +135,29 @@ def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
         worst=order,
         worst_values=values[order],
         worst_centroids_mm=mesh.points[corners].astype(np.float64).mean(axis=1),
+    )
+
+
+def merge(parts: Sequence[Quality], worst: int = WORST) -> Quality:
+    """Summary of a mesh from those of its parts, whose elements are numbered one part after another."""
+    counts = np.array([part.n_elements for part in parts])
+    before = np.cumsum(counts) - counts
+    share = counts / counts.sum()
+    values = np.concatenate([part.worst_values for part in parts])
+    order = np.argsort(values, kind="stable")[:worst]
+    return Quality(
+        n_elements=int(counts.sum()),
+        min=float(values[order[0]]),
+        mean=float(share @ [part.mean for part in parts]),
+        inverted=sum(part.inverted for part in parts),
+        fraction_below_0_1=float(share @ [part.fraction_below_0_1 for part in parts]),
+        fraction_below_0_2=float(share @ [part.fraction_below_0_2 for part in parts]),
+        fraction_above_0_5=float(share @ [part.fraction_above_0_5 for part in parts]),
+        edges=parts[0].edges,
+        counts=np.sum([part.counts for part in parts], axis=0),
+        worst=np.concatenate([part.worst + first for part, first in zip(parts, before, strict=True)])[order],
+        worst_values=values[order],
+        worst_centroids_mm=np.concatenate([part.worst_centroids_mm for part in parts])[order],
     )
 
 

@@ -44,12 +44,12 @@ def sample(
     InputError where the counts or the element type do not fit the patch.
     """
     element = _choose_element(patch, order, element_type)
-    _check_nodes(patch, nodes)
+    check_nodes(patch, nodes)
     parameters = [np.linspace(0.0, 1.0, n) for n in structure.lattice_counts(element, nodes)]
     lattice = patch.evaluate_grid(parameters, device)
-    mesh = _from_lattice(lattice, patch.channels, element, nodes)
-    if _is_left_handed(mesh):
-        mesh = _from_lattice(lattice[::-1], patch.channels, element, nodes)
+    mesh = from_lattice(lattice, patch.channels, element, nodes)
+    if is_left_handed(mesh):
+        mesh = from_lattice(lattice[::-1], patch.channels, element, nodes)
     return replace(mesh, node_sets=_node_sets(mesh), element_sets={"body": np.arange(mesh.n_elements, dtype=np.int32)})
 
 
@@ -68,7 +68,8 @@ def _choose_element(patch: Hyperpatch, order: int, element_type: str | None) -> 
     return element
 
 
-def _check_nodes(patch: Hyperpatch, nodes: tuple[int, ...]) -> None:
+def check_nodes(patch: Hyperpatch, nodes: tuple[int, ...]) -> None:
+    """Raise InputError unless there are at least 2 nodes in each direction of the patch."""
     dimension = patch.parametric_dimension
     if len(nodes) != dimension:
         kind, wanted = {2: ("surface", "U,V"), 3: ("solid", "U,V,W")}[dimension]
@@ -77,8 +78,8 @@ def _check_nodes(patch: Hyperpatch, nodes: tuple[int, ...]) -> None:
         raise InputError(f"expected at least 2 nodes in every direction, got {nodes}")
 
 
-def _from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Element, nodes: tuple[int, ...]) -> Mesh:
-    """Mesh of a lattice (n_u, n_v[, n_w], 3 + C) of samples, without sets."""
+def from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Element, nodes: tuple[int, ...]) -> Mesh:
+    """Give the mesh of a lattice (n_u, n_v[, n_w], 3 + C) of samples, without sets."""
     flat = np.reshape(lattice, (-1, lattice.shape[-1]), order="F")
     kept = structure.has_node(element, nodes)
     if kept is not None:
@@ -87,7 +88,8 @@ def _from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Ele
     return Mesh(flat[:, :3], element.name, structure=tuple(nodes), fields=fields)
 
 
-def _is_left_handed(mesh: Mesh) -> bool:
+def is_left_handed(mesh: Mesh) -> bool:
+    """Whether hexes have a negative volume, or quads run clockwise seen from the patient axis nearest their normal."""
     if mesh.element.dimension == 3:
         return mesh.volume_mm3 < 0
     _, vector = measure.area_vector_mm2(mesh.planes, mesh.cells, mesh.element_type)

@@ -5,26 +5,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.files import whole_file
-from gpubspline.material.mapping import Material
-from gpubspline.mesh.distance import SurfaceDistance
-from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.quality import Quality
+from gpubspline.material.laws import Law
+from gpubspline.mesh.elements import find_element
+from gpubspline.mesh.tally import Spread, Tally
 
 
 def summary(
-    mesh: Mesh,
-    quality: Quality,
+    counted: Tally,
     device: Device,
     seconds: dict[str, float],
     *,
-    material: Material | None = None,
+    law: Law | None = None,
+    policy: str | None = None,
     region_size: float | None = None,
-    distance: SurfaceDistance | None = None,
     threshold_hu: float | None = None,
     fit: str | None = None,
     fit_error_mm: float | None = None,
@@ -34,34 +31,34 @@ def summary(
 
     Arguments
     ---------
-    mesh: the mesh, with its nodal HU and modulus where it has them.
-    quality: of its elements.
+    counted: the mesh, counted.
     device: where the kernels ran.
     seconds: wall time of each stage by name; ``total`` is added where it is missing.
-    material: of its nodes.
+    law, policy: of the material, and for HU outside it.
     region_size: volume of the region, mm3, or the area, mm2, of its section that a quad mesh fills.
-    distance: from the mesh's surface to the region's.
     threshold_hu: what separated the region.
     fit, fit_error_mm, fit_error_hu: how the control points were made, and the patch's distance from the data.
 
     Returns
     -------
-    dict of plain numbers, texts, lists and dicts; what is not known is None, as are the volumes of a quad
-    mesh and the areas of a hex mesh.
+    dict of plain numbers, texts, lists and dicts; what is not known is None. A quad mesh has no ``volume_mm3``, a hex
+    mesh no ``area_mm2``: both are None there.
     """
-    solid = mesh.element.dimension == 3
+    solid = find_element(counted.element_type).dimension == 3
+    sizes, none = _pair(counted.size, region_size), _pair(None, None)
+    distance = counted.surface_distance
     return {
-        "nodes": mesh.n_nodes,
-        "elements": mesh.n_elements,
-        "element_type": mesh.element_type,
-        "scaled_jacobian": quality.to_dict(),
-        "volume_mm3": _pair(mesh.volume_mm3, region_size) if solid else _pair(None, None),
-        "area_mm2": _pair(None, None) if solid else _pair(mesh.area_mm2, region_size),
+        "nodes": counted.n_nodes,
+        "elements": counted.n_elements,
+        "element_type": counted.element_type,
+        "scaled_jacobian": counted.quality.to_dict(),
+        "volume_mm3": sizes if solid else none,
+        "area_mm2": none if solid else sizes,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
-        "hu": _spread(mesh.fields.get("HU")),
-        "modulus_mpa": _spread(mesh.fields.get("E_MPa")),
-        "out_of_range_nodes": None if material is None else material.out_of_range,
-        "law": None if material is None else describe_material(material),
+        "hu": _spread(counted.spreads.get("HU")),
+        "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
+        "out_of_range_nodes": counted.out_of_range,
+        "law": None if law is None else describe_law(law, policy),
         "threshold_hu": threshold_hu,
         "fit": {"method": fit, "error_mm": fit_error_mm, "error_hu": fit_error_hu},
         "backend": device.backend,
@@ -71,9 +68,8 @@ def summary(
     }
 
 
-def describe_material(material: Material) -> dict[str, Any]:
+def describe_law(law: Law, policy: str | None) -> dict[str, Any]:
     """Name a law with its pedigree, and the policy for HU outside it."""
-    law = material.law
     return {
         "name": law.name,
         "title": law.title,
@@ -82,7 +78,7 @@ def describe_material(material: Material) -> dict[str, Any]:
         "density_source": law.density.source,
         "range_hu": list(law.range_hu),
         "unconfirmed": list(law.unconfirmed),
-        "out_of_range_policy": material.policy,
+        "out_of_range_policy": policy,
     }
 
 
@@ -90,10 +86,8 @@ def _pair(mesh: float | None, region: float | None) -> dict[str, float | None]:
     return {"mesh": mesh, "region": region}
 
 
-def _spread(values: NDArray[Any] | None) -> dict[str, float] | None:
-    if values is None:
-        return None
-    return {"min": float(values.min()), "max": float(values.max()), "mean": float(values.mean(dtype=np.float64))}
+def _spread(values: Spread | None) -> dict[str, float] | None:
+    return None if values is None else {"min": values.min, "max": values.max, "mean": values.mean}
 
 
 def write_summary(figures: dict[str, Any], path: str | Path) -> None:

@@ -218,9 +218,8 @@ def _contract(
     (span, values, inner), degree = bases[0], degrees[0]
     rows = prod(shape[1:])
     target = device.empty((rows, inner))
-    items = (-(-rows // ROW_BLOCK), inner)
-    arguments = (buffer, rows, ROW_BLOCK, shape[0], span, values, degree, inner, target)
-    device.launch("patch.contract_rows", items, *arguments)
+    rows_of = (buffer, rows, ROW_BLOCK, shape[0], span, values, degree, inner, target)
+    device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
     for direction in range(1, len(bases)):
         buffer, (span, values, count), degree = target, bases[direction], degrees[direction]
         outer = prod(shape[direction + 1 :])
