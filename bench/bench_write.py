@@ -45,7 +45,7 @@ def _rows(host: Host, extension: str) -> Iterator[Row]:
     _check_file(host.folder / f"small{extension}")
     for n in SIZES[host.scale]:
         made, path = _model(n), host.folder / f"mesh{extension}"
-        seconds = best_of(partial(write, made.mesh, path, law=made.material.law))
+        seconds = best_of(partial(write, made.mesh, path, law=made.sampling.law))
         written = path.stat().st_size
         path.unlink()
         floor = _plain_write(path, written)
