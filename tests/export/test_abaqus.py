@@ -101,6 +101,31 @@ def test_two_rows_straddle_the_jump():
     assert table.columns["nu"][jump - 1 : jump + 1].tolist() == [0.3, 0.36]
 
 
+@pytest.mark.parametrize("sample", [1, 50, 1000])
+def test_nodes_beyond_the_sample_are_held_too(sample, monkeypatch):
+    """A jump that no sampled node shows, and nodes in any order."""
+    hu = np.random.default_rng(5).uniform(-300, 2300, 5000)
+    fields = paper_material(hu)
+    monkeypatch.setattr("gpubspline.export.modulus_table._SAMPLE", sample)
+    table = modulus_table(fields)
+    assert (np.diff(table.at) > 0).all()
+    assert np.isin(table.at, hu).all()
+    for name, column in table.columns.items():
+        np.testing.assert_allclose(np.interp(hu, table.at, column), fields[name], rtol=1.01 * TOLERANCE)
+    below, above = hu[hu < 350].max(), hu[hu >= 350].min()
+    assert {below, above} <= set(table.at)
+    error = [np.abs(np.interp(hu, table.at, c) / fields[name] - 1).max() for name, c in table.columns.items()]
+    assert table.error == pytest.approx(max(error), rel=1e-6)
+
+
+def test_noise_is_no_material(monkeypatch):
+    monkeypatch.setattr("gpubspline.export.modulus_table.MOST_ROWS", 500)
+    rng = np.random.default_rng(6)
+    fields = {"HU": rng.uniform(0, 1, 2000), "E_MPa": rng.uniform(1, 9, 2000), "nu": rng.uniform(0, 0.5, 2000)}
+    with pytest.raises(InputError, match="ask for modulus bins"):
+        modulus_table(fields)
+
+
 def test_without_hu_the_modulus_carries_itself():
     fields = {"E_MPa": np.array([5.0, 1, 9, 1]), "nu": np.full(4, 0.3)}
     table = modulus_table(fields)

@@ -20,6 +20,12 @@ from gpubspline.errors import InputError
 TOLERANCE = 1e-4
 """Relative; a tenth of the third digit, which no density calibration has."""
 
+MOST_ROWS = 10_000
+"""A material that needs more is no function of its carrier but noise; the laws need a few hundred."""
+
+_SAMPLE = 1 << 16
+"""Nodes that lay out the table before the others are held against it, as many at a time: they bound the memory."""
+
 Floats = NDArray[np.float64]
 
 
@@ -51,35 +57,70 @@ def modulus_table(fields: dict[str, NDArray[Any]]) -> ModulusTable:
     names = ["E_MPa", "nu"]
     if "density_g_cm3" in fields and np.all(fields["density_g_cm3"] > 0):
         names.append("density_g_cm3")
-    values = np.stack([fields[name].astype(np.float64) for name in names])
-    size = np.maximum(np.abs(values), 1e-300)
     for carrier in ("HU", "E_MPa"):
         if carrier not in fields:
             continue
-        at, first, place = np.unique(fields[carrier].astype(np.float64), return_index=True, return_inverse=True)
-        if np.all(np.abs(values - values[:, first][:, place]) <= TOLERANCE * size):
-            rows, error = _thin(at, values[:, first])
-            columns = {name: column[first][rows] for name, column in zip(names, values, strict=True)}
-            return ModulusTable(carrier, at[rows], columns, error)
+        found = _tabulate(fields[carrier], [fields[name] for name in names])
+        if found is not None:
+            (at, *columns), error = found
+            return ModulusTable(carrier, at, dict(zip(names, columns, strict=True)), error)
     raise InputError(
         "expected a material that is a function of HU or of its modulus, got another: ask for modulus bins"
     )
 
 
-def _thin(at: Floats, columns: Floats) -> tuple[NDArray[np.int64], float]:
-    """Rows of a table (c, n) along ``at`` (n,) that suffice, and the largest relative error left.
+def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]]) -> tuple[Floats, float] | None:
+    """Rows (1 + c, r) that suffice for every node, and the largest relative error left; None where no rows do.
 
-    Douglas and Peucker's way: every segment that errs too much somewhere is split where it errs most.
+    The nodes are gone through in parts, a sample of them all first, until none adds a row.
     """
-    size = np.maximum(np.abs(columns), 1e-300)
-    rows = np.unique([0, len(at) - 1])
+
+    def values(nodes: Any) -> Floats:
+        return np.stack([column[nodes].astype(np.float64) for column in (along, *columns)])
+
+    n_nodes = along.size
+    parts = [slice(first, first + _SAMPLE) for first in range(0, n_nodes, _SAMPLE)]
+    parts.insert(0, slice(0, n_nodes, -(-n_nodes // _SAMPLE)))
+    table = values([along.argmin(), along.argmax()])
+    if table[0, 0] == table[0, 1]:
+        table = table[:, :1]
     while True:
-        straight = np.stack([np.interp(at, at[rows], column[rows]) for column in columns])
-        error = np.max(np.abs(straight - columns) / size, axis=0)
-        if error.max() <= TOLERANCE:
-            return rows, float(error.max())
-        segment = np.searchsorted(rows, np.arange(len(at)), side="right") - 1
-        most = np.maximum.reduceat(error, rows)[segment]
-        worst = np.flatnonzero((error == most) & (most > TOLERANCE))
-        _, one_each = np.unique(segment[worst], return_index=True)
-        rows = np.union1d(rows, worst[one_each])
+        n_rows, error = table.shape[1], 0.0
+        for part in parts:
+            refined = _refined(table, values(part))
+            if refined is None:
+                return None
+            table, left = refined
+            error = max(error, left)
+        if table.shape[1] == n_rows:
+            return table, error
+
+
+def _refined(table: Floats, nodes: Floats) -> tuple[Floats, float] | None:
+    """Table (1 + c, r) with as many of the nodes (1 + c, k) as rows as the others need, and the error left.
+
+    Douglas and Peucker's way: every segment that errs too much somewhere is split where it errs most. None where a node
+    differs from the row at its own place, or the rows become too many.
+    """
+    while True:
+        error = _relative_error(table, nodes)
+        wrong = np.flatnonzero(error > TOLERANCE)
+        if wrong.size == 0:
+            return table, float(error.max())
+        segment = np.searchsorted(table[0], nodes[0, wrong], side="right")
+        worst_first = np.lexsort((-error[wrong], segment))
+        _, one_each = np.unique(segment[worst_first], return_index=True)
+        table = np.concatenate([table, nodes[:, wrong[worst_first[one_each]]]], axis=1)
+        table = table[:, np.argsort(table[0])]
+        if table.shape[1] > MOST_ROWS or np.any(np.diff(table[0]) == 0):
+            return None
+
+
+def _relative_error(table: Floats, nodes: Floats) -> Floats:
+    """Largest relative difference (k,) of each node's values from the table's, straight between rows."""
+    at, rows = table[0], table[1:]
+    low = np.clip(np.searchsorted(at, nodes[0], side="right") - 1, 0, max(at.size - 2, 0))
+    high = np.minimum(low + 1, at.size - 1)
+    share = (nodes[0] - at[low]) / np.maximum(at[high] - at[low], 1e-300)
+    straight = rows[:, low] + share * (rows[:, high] - rows[:, low])
+    return np.asarray(np.max(np.abs(straight - nodes[1:]) / np.maximum(np.abs(nodes[1:]), 1e-300), axis=0))
