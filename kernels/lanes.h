@@ -28,10 +28,14 @@ inline int run_start(size_t item, int n)
 #define JOIN(a, b) JOIN_(a, b)
 #if LANES == 1
 typedef real realv;
+typedef int intv;
 #define load(p, offset) ((p)[offset])
 #define store_all(v, p, offset) ((p)[offset] = (v))
+#define to_intv(v) ((int)(v))
 #else
 typedef JOIN(real, LANES) realv;
+typedef JOIN(int, LANES) intv;
+#define to_intv(v) JOIN(convert_int, LANES)(v)
 #define load(p, offset) JOIN(vload, LANES)(0, (p) + (offset))
 #define store_all(v, p, offset) JOIN(vstore, LANES)(v, 0, (p) + (offset))
 #endif
@@ -43,8 +47,18 @@ inline void store(realv v, __global real *p, size_t offset, int count)
         store_all(v, p, offset);
         return;
     }
-    union { realv v; real lane[LANES]; } parts;
-    parts.v = v;
+    union { realv v; real lane[LANES]; } parts = {v};
+    for (int lane = 0; lane < count; lane++)
+        p[offset + lane] = parts.lane[lane];
+}
+
+inline void store_int(intv v, __global int *p, size_t offset, int count)
+{
+    if (count >= LANES) {
+        store_all(v, p, offset);
+        return;
+    }
+    union { intv v; int lane[LANES]; } parts = {v};
     for (int lane = 0; lane < count; lane++)
         p[offset + lane] = parts.lane[lane];
 }

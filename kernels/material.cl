@@ -3,34 +3,38 @@
 // Piece q holds lower[q] <= HU < upper[q] (the last one its upper end too): E = factor rho^exponent + offset in MPa with
 // rho = slope HU + intercept in g/cm3. HU outside every piece: policy 0 moves it to the nearest end of a range, policy 1
 // keeps its density and gives the floor values. `piece` is the index used, or -1 - index where HU was outside.
-__kernel void power_law(__global const real *hu, __global const real *lower, __global const real *upper,
-                        __global const real *factor, __global const real *exponent, __global const real *offset,
-                        __global const real *poisson, int n_pieces, real density_slope, real density_intercept,
-                        int policy, real floor_modulus, real floor_poisson, int n, __global real *density,
-                        __global real *modulus, __global real *poisson_out, __global int *piece)
+__kernel __attribute__((vec_type_hint(realv)))
+void power_law(__global const real *hu, __global const real *lower, __global const real *upper,
+               __global const real *factor, __global const real *exponent, __global const real *offset,
+               __global const real *poisson, int n_pieces, real density_slope, real density_intercept, int policy,
+               real floor_modulus, real floor_poisson, int n, __global real *density, __global real *modulus,
+               __global real *poisson_out, __global int *piece)
 {
-    int i = get_global_id(0);
-    if (i >= n)
-        return;
-    real value = hu[i], nearest = 0, gap = INFINITY;
-    int used = 0;
-    bool inside = false;
-    for (int q = 0; q < n_pieces && !inside; q++) {
-        inside = value >= lower[q] && (value < upper[q] || (q == n_pieces - 1 && value == upper[q]));
-        real end = clamp(value, lower[q], upper[q]);
-        real away = inside ? (real)-1 : fabs(value - end);
-        if (away < gap) {
-            gap = away;
-            nearest = end;
-            used = q;
+    FOR_LANES(i, n) {
+        realv value = load(hu, i), nearest = 0, gap = INFINITY, used = 0;
+        realv f = 0, e = 0, o = 0, nu = 0;
+        for (int q = 0; q < n_pieces; q++) {
+            realv end = clamp(value, (realv)lower[q], (realv)upper[q]);
+            bool closed = q == n_pieces - 1;
+            // inside is nearer than touching: an upper end belongs to the piece that begins there
+            realv away = fabs(value - end);
+            away = value >= lower[q] && (closed ? value <= upper[q] : value < upper[q]) ? (realv)-1 : away;
+            nearest = away < gap ? end : nearest;
+            used = away < gap ? (realv)q : used;
+            f = away < gap ? (realv)factor[q] : f;
+            e = away < gap ? (realv)exponent[q] : e;
+            o = away < gap ? (realv)offset[q] : o;
+            nu = away < gap ? (realv)poisson[q] : nu;
+            gap = fmin(away, gap);
         }
+        if (policy == 0)
+            value = nearest;
+        realv rho = fmax(density_slope * value + density_intercept, (realv)0);
+        realv e_modulus = f * pow(rho, e) + o;
+        int count = n - i;
+        store(rho, density, i, count);
+        store(policy == 1 && gap >= 0 ? (realv)floor_modulus : e_modulus, modulus, i, count);
+        store(policy == 1 && gap >= 0 ? (realv)floor_poisson : nu, poisson_out, i, count);
+        store_int(to_intv(gap < 0 ? used : -1 - used), piece, i, count);
     }
-    bool floored = !inside && policy == 1;
-    if (!inside && policy == 0)
-        value = nearest;
-    real rho = fmax(density_slope * value + density_intercept, (real)0);
-    density[i] = rho;
-    modulus[i] = floored ? floor_modulus : factor[used] * pow(rho, exponent[used]) + offset[used];
-    poisson_out[i] = floored ? floor_poisson : poisson[used];
-    piece[i] = inside ? used : -1 - used;
 }
