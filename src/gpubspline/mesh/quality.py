@@ -120,7 +120,7 @@ def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
     values = values.astype(np.float64)
     edges = np.arange(11) / 10
     bins = np.searchsorted(edges[1:-1], values[values > 0], side="left")
-    order = np.argsort(values, kind="stable")[:worst]
+    order = _least(values, worst)
     corners = mesh.cells_of(order)[:, : mesh.element.n_corners]
     return Quality(
         n_elements=values.size,
@@ -136,6 +136,13 @@ def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
         worst_values=values[order],
         worst_centroids_mm=mesh.points[corners].astype(np.float64).mean(axis=1),
     )
+
+
+def _least(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Indices of the least values, least first, without sorting all of them."""
+    limit = np.partition(values, count - 1)[count - 1] if count < values.size else np.inf
+    candidates = np.flatnonzero(values <= limit)
+    return np.asarray(candidates[np.argsort(values[candidates], kind="stable")[:count]])
 
 
 def merge(parts: Sequence[Quality], worst: int = WORST) -> Quality:
