@@ -15,7 +15,8 @@ from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
 OTHER = {extension: (form.element_types, form.nodal, form.elemental) for extension, form in FORMATS.items()}
-HELD = {".vtu": (MESHABLE, True, True), ".vts": (("quad4", "hex8"), True, True), **OTHER}
+WHOLE = {extension: (MESHABLE, True, True) for extension in (".vtu", ".vtkhdf")}
+HELD = {**WHOLE, ".vts": (("quad4", "hex8"), True, True), **OTHER}
 CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
 REFUSED = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in MESHABLE if kind not in kinds]
 
@@ -49,7 +50,7 @@ def write_quietly(mesh, path):
 
 
 def needs(extension):
-    package = FORMATS[extension].needs if extension in FORMATS else ""
+    package = FORMATS[extension].needs if extension in FORMATS else "h5py" if extension == ".vtkhdf" else ""
     if package:
         pytest.importorskip(package)
 
@@ -89,9 +90,10 @@ def test_fields_that_a_format_cannot_hold_are_named(extension, tmp_path):
         write(model(kind), tmp_path / f"model{extension}")
 
 
-@pytest.mark.parametrize("extension", [".vtu", ".vtk"])
+@pytest.mark.parametrize("extension", [".vtu", ".vtk", ".vtkhdf"])
 @pytest.mark.parametrize("element_type", MESHABLE)
 def test_vtk_reads_it_with_its_fields(extension, element_type, tmp_path):
+    needs(extension)
     pyvista = pytest.importorskip("pyvista")
     mesh, path = model(element_type), tmp_path / f"model{extension}"
     write(mesh, path)
@@ -211,7 +213,7 @@ def test_a_folder_that_is_not_there(tmp_path):
 
 
 def test_bins_are_an_option_of_decks_only(tmp_path):
-    for extension in (".vtu", ".vtk"):
+    for extension in (".vtu", ".vts", ".vtk", ".vtkhdf"):
         with pytest.raises(InputError, match=r"with a \.inp deck only"):
             write(model("hex8"), tmp_path / f"model{extension}", modulus_bins=3)
 
@@ -232,7 +234,7 @@ def test_an_error_while_writing_leaves_nothing(name, owner, step, tmp_path, monk
 
 
 def test_nothing_is_printed(tmp_path, capfd):
-    for extension in [e for e in extensions() if e not in (".xdmf", ".xmf")]:
+    for extension in [e for e in extensions() if e not in (".xdmf", ".xmf", ".vtkhdf")]:
         kind = "quad4" if extension in (".obj", ".ply") else "hex8"
         write_quietly(model(kind), tmp_path / f"model{extension}")
         read_mesh(tmp_path / f"model{extension}")
@@ -241,5 +243,9 @@ def test_nothing_is_printed(tmp_path, capfd):
 
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for extension in (".xdmf", ".vtkhdf"):
+        with pytest.raises(InputError, match=f"which {extension} files need, to be installed: pip install h5py"):
+            check_extension(tmp_path / f"model{extension}")
+    (tmp_path / "model.vtkhdf").touch()
     with pytest.raises(InputError, match="pip install h5py"):
-        check_extension(tmp_path / "model.xdmf")
+        read_mesh(tmp_path / "model.vtkhdf")

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.export import vtkhdf
 from gpubspline.export.quiet import quiet_meshio
-from gpubspline.export.read_appended import Appended, read_appended
+from gpubspline.export.read_appended import StoredGrid, read_appended
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
@@ -38,26 +39,29 @@ def read_mesh(path: str | Path) -> Mesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"expected a mesh file, got {path}, which is no file")
-    mapped = _read_mapped(path) if path.suffix.lower() in (".vts", ".vtu") else None
-    return _read_by_meshio(path) if mapped is None else mapped
+    mesh = _read_grid(path) if path.suffix.lower() in (".vts", ".vtu", ".vtkhdf") else None
+    return _read_by_meshio(path) if mesh is None else mesh
 
 
-def _read_mapped(path: Path) -> Mesh | None:
-    """Mesh of a file of VTK's whose arrays can be mapped; None where meshio is to try."""
+def _read_grid(path: Path) -> Mesh | None:
+    """Mesh of a file of VTK's that can be read without meshio; None where meshio is to try."""
+    extension = path.suffix.lower()
+    if extension in vtkhdf.EXTENSIONS:
+        vtkhdf.check(extension)
     try:
-        found = read_appended(path)
+        found = vtkhdf.read(path) if extension in vtkhdf.EXTENSIONS else read_appended(path)
         if found is not None and found.grid == "StructuredGrid":
             return _structured(found)
         if found is not None and found.grid == "UnstructuredGrid":
             return _unstructured(found)
     except _BROKEN as error:
         raise InputError(f"expected a whole mesh file, got {path.name}: {error}") from None
-    if path.suffix.lower() == ".vts":
+    if extension == ".vts":
         raise InputError(f"expected one structured grid with its arrays appended raw, got {path.name}: another kind")
     return None
 
 
-def _structured(found: Appended) -> Mesh:
+def _structured(found: StoredGrid) -> Mesh:
     ends = [int(n) for n in found.piece["Extent"].split()]
     counts = tuple(last - first + 1 for first, last in zip(ends[::2], ends[1::2], strict=True))
     structure = counts if counts[2] > 1 else counts[:2]
@@ -70,7 +74,7 @@ def _structured(found: Appended) -> Mesh:
     )
 
 
-def _unstructured(found: Appended) -> Mesh | None:
+def _unstructured(found: StoredGrid) -> Mesh | None:
     """Mesh of elements of one type; None where there are others."""
     cells, types = found.arrays["Cells"]["connectivity"], found.arrays["Cells"]["types"]
     names = [name for name in MESHABLE if types.size and ELEMENTS[name].vtk_type == types[0]]

@@ -18,15 +18,14 @@ _COUNTS: dict[str, np.dtype[Any]] = {"UInt32": np.dtype("<u4"), "UInt64": np.dty
 
 
 @dataclass(frozen=True, eq=False)
-class Appended:
+class StoredGrid:
     """What a file holds.
 
     Attributes
     ----------
     grid: VTK's name, ``"StructuredGrid"`` or ``"UnstructuredGrid"``.
     piece: attributes of the one piece.
-    arrays: by section (``"PointData"``, ``"CellData"``, ``"Points"``, ``"Cells"``) and name, (n,) or (n, c); mapped,
-        so that an array costs memory when it is used.
+    arrays: by section (``"PointData"``, ``"CellData"``, ``"Points"``, ``"Cells"``) and name, (n,) or (n, c).
     """
 
     grid: str
@@ -34,8 +33,10 @@ class Appended:
     arrays: dict[str, dict[str, NDArray[Any]]]
 
 
-def read_appended(path: Path) -> Appended | None:
-    """Map the arrays of a file; None where it is of another kind: compressed, as text, big-endian, in pieces.
+def read_appended(path: Path) -> StoredGrid | None:
+    """Map the arrays of a file, which cost memory when they are used.
+
+    None where the file is of another kind: compressed, as text, big-endian, in pieces.
 
     Raises
     ------
@@ -57,7 +58,7 @@ def read_appended(path: Path) -> Appended | None:
         section.tag: {tag.attrib["Name"]: _map(path, tag, start, count) for tag in section.findall("DataArray")}
         for section in pieces[0]
     }
-    return Appended(root.attrib["type"], dict(pieces[0].attrib), sections)
+    return StoredGrid(root.attrib["type"], dict(pieces[0].attrib), sections)
 
 
 def _map(path: Path, tag: ElementTree.Element, start: int, count: np.dtype[Any]) -> NDArray[Any]:

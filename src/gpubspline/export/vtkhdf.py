@@ -1,0 +1,84 @@
+"""VTK's HDF5 file of an unstructured grid (.vtkhdf): binary, with every field; connectivity is written part by part.
+
+The format has no node or element sets: they are left out. Source: VTKHDF format specification, "UnstructuredGrid".
+"""
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpubspline.errors import InputError
+from gpubspline.export.read_appended import StoredGrid
+from gpubspline.export.rows import chunks
+from gpubspline.files import whole_file
+from gpubspline.material.laws import Law
+from gpubspline.mesh.mesh import Mesh
+
+EXTENSIONS = (".vtkhdf",)
+
+
+def check(extension: str) -> None:
+    """Raise ``InputError`` where h5py is not installed."""
+    if importlib.util.find_spec("h5py") is None:
+        raise InputError(f"expected h5py, which {extension} files need, to be installed: pip install h5py")
+
+
+def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int | None = None) -> None:
+    """Write all fields with the precision they have.
+
+    Raises InputError for ``modulus_bins``, which only decks have.
+    """
+    if modulus_bins is not None:
+        raise InputError(f"expected modulus_bins with a .inp deck only, got {path.name!r}")
+    import h5py
+
+    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+        group = file.create_group("VTKHDF")
+        group.attrs["Version"] = (1, 0)
+        group.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        points = group.create_dataset("Points", (mesh.n_nodes, 3), mesh.points.dtype)
+        for rows in chunks(mesh.n_nodes):
+            points[rows] = np.ascontiguousarray(mesh.points[rows])
+        _write_cells(group, mesh)
+        for section, fields in (("PointData", mesh.fields), ("CellData", mesh.cell_fields)):
+            data = group.create_group(section)
+            for name, values in fields.items():
+                data[name.replace("/", "_")] = values  # a slash would make a group
+
+
+def _write_cells(group: Any, mesh: Mesh) -> None:
+    n_nodes, n_entries = mesh.element.n_nodes, mesh.n_elements * mesh.element.n_nodes
+    counting = np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64  # one type for both, or VTK copies them
+    for name, count in (("Points", mesh.n_nodes), ("Cells", mesh.n_elements), ("ConnectivityIds", n_entries)):
+        group[f"NumberOf{name}"] = np.array([count], dtype=np.int64)
+    connectivity = group.create_dataset("Connectivity", n_entries, counting)
+    offsets = group.create_dataset("Offsets", mesh.n_elements + 1, counting)
+    types = group.create_dataset("Types", mesh.n_elements, np.uint8)
+    for rows in chunks(mesh.n_elements):
+        elements = np.arange(rows.start, rows.stop)
+        connectivity[n_nodes * rows.start : n_nodes * rows.stop] = mesh.cells_of(elements).ravel()
+        offsets[rows.start + 1 : rows.stop + 1] = (elements + 1) * n_nodes
+        types[rows] = np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8)
+
+
+def read(path: Path) -> StoredGrid:
+    """Read an unstructured grid in one piece.
+
+    Raises
+    ------
+    KeyError, OSError or ValueError where the file is of another kind or broken.
+    """
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        group = file["VTKHDF"]
+        if group.attrs["Type"] != b"UnstructuredGrid" or len(group["NumberOfPoints"]) != 1:
+            raise ValueError("not an unstructured grid in one piece")
+        fields = {
+            section: {name: values[:] for name, values in group.get(section, {}).items()}
+            for section in ("PointData", "CellData")
+        }
+        cells = {"connectivity": group["Connectivity"][:], "types": group["Types"][:]}
+        return StoredGrid("UnstructuredGrid", {}, {**fields, "Points": {"Points": group["Points"][:]}, "Cells": cells})
