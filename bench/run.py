@@ -86,12 +86,18 @@ def _rows(wanted: Sequence[str], devices: Sequence[str], scale: str) -> Iterator
 
 
 def heading() -> str:
-    """The machine in a line, and the head of the table, Markdown."""
+    """The machine, what a column means, and the head of the table, Markdown."""
     machine = f"{platform.machine()}, {cores()} cores, {platform.system()}, Python {platform.python_version()}"
     labels = [f"`{name}` {label}" for name, label in list_devices() if ":" in name]
-    return (
-        "; ".join([machine, *labels])
-        + "\n\n| work | size | device | time | rate | of bandwidth | times faster than |\n|---|---|---|---|---|---|---|"
+    return "\n".join(
+        [
+            "; ".join([machine, *labels]) + ".",
+            "Of bandwidth: the time that the bytes which must move would take alone, over the time taken; of files, by "
+            "plain writing or reading.",
+            "",
+            "| work | size | device | time | rate | of bandwidth | times faster than |",
+            "|---|---|---|---|---|---|---|",
+        ]
     )
 
 
