@@ -1,9 +1,10 @@
-"""Vector lanes on Warp's CPU device.
+"""Vector lanes in Warp.
 
-Warp's compiler does not vectorise across work items. A kernel whose arrays are ``LaneArray`` and whose last argument is
-``lanes`` is instantiated by the Warp device for vectors of ``lanes`` neighbouring elements there, and for scalars
-(``lanes`` 1) on a GPU: an index is that of the first of them, and a work item handles the elements
-``min(item * lanes, n - lanes)`` and on of the fastest dimension. The OpenCL twin of this is ``lanes.h``.
+Warp's CPU compiler does not vectorise across work items. A ``LaneArray`` is an array of overlapping vectors, one that
+begins at every element: its index is that of an element, and what it holds there are this element and its next
+neighbours. The Warp device chooses the length: many where the kernel's last argument is ``lanes`` and the device is a
+CPU, else one. A work item then handles the elements ``min(item * lanes, n - lanes)`` and on of the fastest dimension,
+so that the last vector of a row overlaps the one before it. The OpenCL twin of this is ``lanes.h``.
 """
 
 from typing import Any
@@ -11,3 +12,14 @@ from typing import Any
 import warp as wp
 
 LaneArray = wp.array(dtype=Any)
+
+
+@wp.func
+def inverse_root(squared: Any):
+    """1 / sqrt of each lane, 0 where it is 0."""
+    result = squared
+    for lane in range(len(squared)):
+        value = squared[lane]
+        none = type(value)(0.0)
+        result[lane] = wp.where(value > none, type(value)(1.0) / wp.sqrt(value), none)
+    return result

@@ -12,6 +12,7 @@ import pytest
 import warp as wp
 
 from gpubspline.device.opencl import SIGNATURE
+from gpubspline.kernels.lanes import LaneArray
 
 KERNELS = resources.files("gpubspline.kernels")
 FILES = sorted(Path(entry.name).stem for entry in KERNELS.iterdir() if entry.name.endswith(".cl"))
@@ -65,7 +66,9 @@ def test_signatures_agree(file: str) -> None:
 def overloaded(kernel: Any, real: Any) -> Any:
     """The kernel with all floating-point arguments of one type."""
     types = {"real *": wp.array(dtype=real), "real": real, "int": wp.int32, "int *": wp.array(dtype=wp.int32)}
-    return wp.overload(kernel, [types[warp_type(argument.type)] for argument in kernel.adj.args])
+    one_lane = wp.array(dtype=wp.types.vector(1, real))  # as on a GPU
+    kinds = [argument.type for argument in kernel.adj.args]
+    return wp.overload(kernel, [one_lane if kind is LaneArray else types[warp_type(kind)] for kind in kinds])
 
 
 @pytest.mark.parametrize("file", FILES)

@@ -46,7 +46,7 @@ def _cuda_driver() -> bool:
     return ctypes.util.find_library("nvcuda" if os.name == "nt" else "cuda") is not None
 
 
-CPU_LANES = 8
+CPU_LANES = (32, 8, 1)  # the most that a row holds
 
 
 class WarpDevice:
@@ -91,13 +91,12 @@ class WarpDevice:
         shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
         if 0 in shape:
             return
-        inputs, last = [self._argument(value) for value in args], []
+        lanes, last = 1, []
         if function.adj.args[-1].label == "lanes":
-            lanes = CPU_LANES if self._device.is_cpu and shape[-1] >= CPU_LANES else 1
-            if lanes > 1:
-                inputs = self._in_lanes(function, inputs, lanes)
-                shape = (*shape[:-1], -(-shape[-1] // lanes))
-            last = [lanes]
+            if self._device.is_cpu:
+                lanes = next(count for count in CPU_LANES if shape[-1] >= count)
+            shape, last = (*shape[:-1], -(-shape[-1] // lanes)), [lanes]
+        inputs = self._in_lanes(function, [self._argument(value) for value in args], lanes)
         self._launch_shares(function, shape, inputs, last)
 
     def _launch_shares(self, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]) -> None:
