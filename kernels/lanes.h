@@ -32,10 +32,12 @@ typedef int intv;
 #define load(p, offset) ((p)[offset])
 #define store_all(v, p, offset) ((p)[offset] = (v))
 #define to_intv(v) ((int)(v))
+#define to_realv(v) ((real)(v))
 #else
 typedef JOIN(real, LANES) realv;
 typedef JOIN(int, LANES) intv;
 #define to_intv(v) JOIN(convert_int, LANES)(v)
+#define to_realv(v) JOIN(JOIN(convert_, real), LANES)(v)
 #define load(p, offset) JOIN(vload, LANES)(0, (p) + (offset))
 #define store_all(v, p, offset) JOIN(vstore, LANES)(v, 0, (p) + (offset))
 #endif

@@ -3,6 +3,8 @@
 // Piece q holds lower[q] <= HU < upper[q] (the last one its upper end too): E = factor rho^exponent + offset in MPa with
 // rho = slope HU + intercept in g/cm3. HU outside every piece: policy 0 moves it to the nearest end of a range, policy 1
 // keeps its density and gives the floor values. `piece` is the index used, or -1 - index where HU was outside.
+#define TINY 1e-30 // for a density of 0
+
 __kernel __attribute__((vec_type_hint(realv)))
 void power_law(__global const real *hu, __global const real *lower, __global const real *upper,
                __global const real *factor, __global const real *exponent, __global const real *offset,
@@ -30,7 +32,7 @@ void power_law(__global const real *hu, __global const real *lower, __global con
         if (policy == 0)
             value = nearest;
         realv rho = fmax(density_slope * value + density_intercept, (realv)0);
-        realv e_modulus = f * pow(rho, e) + o;
+        realv e_modulus = f * exp2(e * log2(fmax(rho, (realv)TINY))) + o; // half the work of pow, a few bits less
         int count = n - i;
         store(rho, density, i, count);
         store(policy == 1 && gap >= 0 ? (realv)floor_modulus : e_modulus, modulus, i, count);

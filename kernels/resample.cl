@@ -1,32 +1,58 @@
 // Trilinear sampling of a volume at points in patient millimetres.
 
+// Indices along one axis: the lower of the two samples round each point, and the share of the upper one.
+inline intv lower_sample(realv t, int size, realv *share)
+{
+    t = fmin(fmax(t, (realv)0), (realv)(size - 1)); // not clamp: what lies in the padding may be no number
+    intv low = min(to_intv(t), (intv)max(size - 2, 0));
+    *share = t - to_realv(low);
+    return low;
+}
+
+inline realv beyond(realv t, int size)
+{
+    return fmax((realv)(real)-0.5 - t, t - (size - (real)0.5));
+}
+
+// The samples at `corner` + offset of each lane.
+inline realv gather(__global const real *volume, intv corner, int offset)
+{
+    union { realv v; real lane[LANES]; } samples;
+    union { intv v; int lane[LANES]; } at = {corner + offset};
+    for (int lane = 0; lane < LANES; lane++)
+        samples.lane[lane] = volume[at.lane[lane]];
+    return samples.v;
+}
+
 // to_index: row-major 3x4 map from millimetres to the index (i, j, k). Up to half a voxel beyond the outermost centres the
 // border voxel's value goes on; farther out it does so where `clamp_outside` is 1, and is `outside` where it is 0.
-__kernel void trilinear(__global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
-                        __global const real *x, __global const real *y, __global const real *z, real outside,
-                        int clamp_outside, int n_points, __global real *out)
+// A volume has less than 2^31 samples.
+__kernel __attribute__((vec_type_hint(realv)))
+void trilinear(__global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
+               __global const real *x, __global const real *y, __global const real *z, real outside, int clamp_outside,
+               int n_points, __global real *out)
 {
-    int p = get_global_id(0);
-    if (p >= n_points)
-        return;
-    const int size[3] = {n_i, n_j, n_k};
-    const size_t stride[3] = {1, n_i, (size_t)n_i * n_j};
-    size_t origin = 0, step[3];
-    real share[3];
-    bool inside = true;
-    for (int axis = 0; axis < 3; axis++) {
-        __global const real *row = to_index + 4 * axis;
-        real t = row[0] * x[p] + row[1] * y[p] + row[2] * z[p] + row[3];
-        inside = inside && t >= (real)-0.5 && t <= size[axis] - (real)0.5;
-        t = clamp(t, (real)0, (real)(size[axis] - 1));
-        int low = min((int)t, max(size[axis] - 2, 0));
-        share[axis] = t - low;
-        step[axis] = size[axis] > 1 ? stride[axis] : 0;
-        origin += low * stride[axis];
+    __global const real *m = to_index;
+    int step_i = n_i > 1, step_j = n_j > 1 ? n_i : 0, step_k = n_k > 1 ? n_i * n_j : 0;
+    FOR_LANES(p, n_points) {
+        realv px = load(x, p), py = load(y, p), pz = load(z, p), share_i, share_j, share_k;
+        realv ti = m[0] * px + m[1] * py + m[2] * pz + m[3];
+        realv tj = m[4] * px + m[5] * py + m[6] * pz + m[7];
+        realv tk = m[8] * px + m[9] * py + m[10] * pz + m[11];
+        intv corner = lower_sample(ti, n_i, &share_i) + n_i * lower_sample(tj, n_j, &share_j)
+                    + n_i * n_j * lower_sample(tk, n_k, &share_k);
+        realv value[2];
+        for (int k = 0; k < 2; k++) {
+            int base = k * step_k;
+            realv low = mix(gather(volume, corner, base), gather(volume, corner, base + step_i), share_i);
+            realv high = mix(gather(volume, corner, base + step_j), gather(volume, corner, base + step_j + step_i), share_i);
+            value[k] = mix(low, high, share_j);
+        }
+        realv result = mix(value[0], value[1], share_k);
+        if (!clamp_outside) {
+            realv off = fmax(fmax(beyond(ti, n_i), beyond(tj, n_j)), beyond(tk, n_k));
+            result = off > (realv)0 ? (realv)outside : result;
+        }
+        store(result, out, p, n_points - p);
     }
-    __global const real *v = volume + origin;
-    real near = mix(mix(v[0], v[step[0]], share[0]), mix(v[step[1]], v[step[1] + step[0]], share[0]), share[1]);
-    v += step[2];
-    real far = mix(mix(v[0], v[step[0]], share[0]), mix(v[step[1]], v[step[1] + step[0]], share[0]), share[1]);
-    out[p] = inside || clamp_outside ? mix(near, far, share[2]) : outside;
 }
