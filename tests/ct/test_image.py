@@ -104,6 +104,41 @@ def test_nan_and_infinite_hu_are_errors(tmp_path, bad, name):
         read_volume(tmp_path / name, spacing_mm=(1, 1, 1) if name == "a.npy" else None)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("extension", [".nii", ".nii.gz"])
+def test_nan_and_infinite_hu_of_nifti_are_errors_though_itk_makes_them_zero(tmp_path, bad, dtype, extension):
+    samples = np.zeros((2, 3, 4), dtype=dtype)
+    samples[1, 1, 1] = bad
+    sitk.WriteImage(sitk.GetImageFromArray(samples), str(tmp_path / f"a{extension}"))
+    with pytest.raises(InputError, match=r"finite HU everywhere in a\.nii.*, got NaN or infinity in 1 voxels"):
+        read_volume(tmp_path / f"a{extension}")
+
+
+@pytest.mark.parametrize("spoil", ["cut", "lost", "compressed"])
+def test_samples_that_a_metaimage_lacks_are_told_in_one_line(tmp_path, capfd, spoil):
+    image = sitk.GetImageFromArray(np.random.default_rng(1).integers(-1000, 1000, (5, 6, 7)).astype(np.int16))
+    header, samples = tmp_path / "ct.mhd", tmp_path / ("ct.zraw" if spoil == "compressed" else "ct.raw")
+    sitk.WriteImage(image, str(header), useCompression=spoil == "compressed")
+    if spoil == "lost":
+        samples.unlink()
+    else:
+        samples.write_bytes(samples.read_bytes()[:-9])
+    expected = "got no such file" if spoil == "lost" else r"bytes of samples, got \d+: copy again"
+    with pytest.raises(InputError, match=expected):
+        read_volume(header)
+    assert capfd.readouterr().err == ""  # ITK's own words go there past Python
+
+
+@pytest.mark.parametrize("name", ["a.nrrd", "a.npy"])
+def test_a_series_is_of_dicom_only(tmp_path, name):
+    samples = np.zeros((2, 3, 4), dtype=np.int16)
+    np.save(tmp_path / "a.npy", samples)
+    sitk.WriteImage(sitk.GetImageFromArray(samples), str(tmp_path / "a.nrrd"))
+    with pytest.raises(InputError, match=f"expected DICOM to take the series 1.2.3 from, got {name}"):
+        read_volume(tmp_path / name, series="1.2.3")
+
+
 @pytest.mark.parametrize("extension", [".nii", ".nii.gz", ".nrrd", ".mha"])
 @pytest.mark.parametrize("share", [0.02, 0.6])
 def test_truncated_images_get_one_line(tmp_path, extension, share):

@@ -11,6 +11,7 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from gpubspline.ct.dicom import Progress, read_dicom
+from gpubspline.ct.metaimage import check_metaimage
 from gpubspline.ct.nifti import check_nifti
 from gpubspline.ct.series import is_dicom
 from gpubspline.ct.volume import Volume
@@ -59,6 +60,8 @@ def read_volume(
             return read_dicom(_existing(paths), series=series, allow_gaps=allow_gaps, progress=progress)
         source = paths[0]
     path = _existing([Path(source)])[0]
+    if series is not None and (path.suffix.lower() == ".npy" or format_name(path)):
+        raise InputError(f"expected DICOM to take the series {series} from, got {path.name}")
     if path.suffix.lower() == ".npy":
         return _read_npy(path, spacing_mm)
     if spacing_mm is not None:
@@ -88,6 +91,8 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     Raises InputError where the file is damaged, or not one scalar value on a two- or three-dimensional grid.
     """
     sheared = check_nifti(path).sheared_affine if format_name(path) == "NIfTI" else None
+    if format_name(path) == "MetaImage":
+        check_metaimage(path)
     try:
         with _quiet_itk():
             image = sitk.ReadImage(str(path))

@@ -1,6 +1,7 @@
-"""What ITK does not say about a NIfTI file: whether it is all there, and whether its grid is sheared.
+"""What ITK does not say about a NIfTI file: whether it is all there and finite, and whether its grid is sheared.
 
-ITK fills what a truncated file lacks with zeros, and knows orthogonal grids only. A gantry tilt makes an sform sheared.
+ITK fills what a truncated file lacks with zeros, makes NaN and infinity zero, and knows orthogonal grids only. A gantry
+tilt makes an sform sheared.
 """
 
 import gzip
@@ -20,6 +21,7 @@ Floats = NDArray[np.float64]
 _LAYOUTS = {
     348: {
         "dim": (40, "8h"),
+        "datatype": (70, "h"),
         "bitpix": (72, "h"),
         "vox_offset": (108, "f"),
         "sform_code": (254, "h"),
@@ -27,6 +29,7 @@ _LAYOUTS = {
     },
     540: {
         "dim": (16, "8q"),
+        "datatype": (12, "h"),
         "bitpix": (14, "h"),
         "vox_offset": (168, "q"),
         "sform_code": (348, "i"),
@@ -35,12 +38,19 @@ _LAYOUTS = {
 }
 """Offset and type of the fields of NIfTI-1 (nifti1.h) and NIfTI-2 (nifti2.h), by the size of their headers."""
 
+_FLOATS = {16: "f4", 64: "f8"}
+"""NumPy's names of the sample types that may be NaN or infinite (nifti1.h: DT_FLOAT32, DT_FLOAT64)."""
+
+_BLOCK = 1 << 22
+
 
 @dataclass(frozen=True)
 class NiftiHeader:
     """The fields of a NIfTI header that are read here, under their names in nifti1.h."""
 
+    byte_order: str
     dim: tuple[int, ...]
+    datatype: int
     bitpix: int
     vox_offset: int
     sform_code: int
@@ -69,31 +79,37 @@ class NiftiHeader:
 
 
 def check_nifti(path: Path) -> NiftiHeader:
-    """Read the header of a ``.nii`` or ``.nii.gz`` file and count its bytes.
+    """Read the header of a ``.nii`` or ``.nii.gz`` file, count its bytes and look for samples that are not finite.
 
-    Raises InputError where it has none or the file is shorter than it announces.
+    Raises InputError where it has none, the file is shorter than it announces, or a sample is NaN or infinite.
     """
     try:
         with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
-            start = file.read(540)
-            header = _parse(start)
-            length = len(start) + _count(file)
+            header = _parse(file.read(540))
+            file.seek(header.vox_offset)
+            length, wild = _scan(file, header)
     except (EOFError, OSError, ValueError, OverflowError, zlib.error, struct.error) as error:
         raise InputError(f"cannot read {path.name} as NIfTI, it is damaged or truncated: {error}") from None
     if length < header.n_bytes:
         raise InputError(
             f"cannot read {path.name} as NIfTI: expected {header.n_bytes} bytes, got {length}; copy it again"
         )
+    if wild:
+        raise InputError(f"expected finite HU everywhere in {path.name}, got NaN or infinity in {wild} voxels")
     return header
 
 
 def _parse(start: bytes) -> NiftiHeader:
+    if len(start) < min(_LAYOUTS):
+        raise ValueError(f"expected a header of {min(_LAYOUTS)} bytes, got a file of {len(start)}")
     for order in "<>":
         layout = _LAYOUTS.get(struct.unpack_from(f"{order}i", start)[0])
         if layout:
             fields = {name: struct.unpack_from(order + form, start, at) for name, (at, form) in layout.items()}
             return NiftiHeader(
+                byte_order=order,
                 dim=fields["dim"],
+                datatype=int(fields["datatype"][0]),
                 bitpix=int(fields["bitpix"][0]),
                 vox_offset=int(fields["vox_offset"][0]),
                 sform_code=int(fields["sform_code"][0]),
@@ -102,8 +118,14 @@ def _parse(start: bytes) -> NiftiHeader:
     raise ValueError("no NIfTI header")
 
 
-def _count(file: BinaryIO | gzip.GzipFile) -> int:
-    total = 0
-    while block := file.read(1 << 22):
-        total += len(block)
-    return total
+def _scan(file: BinaryIO | gzip.GzipFile, header: NiftiHeader) -> tuple[int, int]:
+    """Length of the file, read from where its samples begin, and how many samples are NaN or infinite."""
+    length, wild = header.vox_offset, 0
+    kind = _FLOATS.get(header.datatype)
+    while block := file.read(_BLOCK):
+        samples = block[: max(header.n_bytes - length, 0)]
+        length += len(block)
+        if kind:
+            values = np.frombuffer(samples, header.byte_order + kind, count=len(samples) // int(kind[1]))
+            wild += int(np.count_nonzero(~np.isfinite(values)))
+    return length, wild
