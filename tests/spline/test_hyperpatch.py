@@ -1,5 +1,6 @@
 """Hyperpatches against mathematics and against scipy's BSpline and NdBSpline."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,15 @@ def test_solid_agrees_with_scipy(any_device: Device, degrees: tuple[int, int, in
     assert np.allclose(patch.evaluate_grid(axes, any_device), expected, rtol=0, atol=2 * tolerance(any_device))
     points = np.stack(parameters(40, 40, 40), axis=-1)
     assert np.allclose(patch.evaluate_points(points, any_device), oracle(points), atol=2 * tolerance(any_device))
+
+
+def test_float32_keeps_its_digits_far_from_the_origin(device: Device, device64: Device) -> None:
+    near = random_patch((7, 8, 9), (3, 3, 3))
+    far = replace(near, control=near.control * 100 + [300.0, -200.0, -1600.0, 0.0])  # a head at the end of the table
+    axes = parameters(40, 41, 42)
+    expected = far.evaluate_grid(axes, device64)[..., :3]
+    off = np.abs(far.evaluate_grid(axes, device)[..., :3] - expected)
+    assert np.all(off <= np.spacing(np.abs(expected).astype(np.float32)) / 2 + 6e-5)
 
 
 def test_surface_agrees_with_scipy(any_device: Device) -> None:
@@ -158,12 +168,15 @@ def test_bad_model_files_are_named(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("not a model")
     with pytest.raises(InputError, match="expected a gpubspline model"):
         load_model(tmp_path / "text.npz")
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    with pytest.raises(InputError, match=r"array\.npy: it is no \.npz file"):
+        load_model(tmp_path / "array.npy")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
     with pytest.raises(InputError, match="holds something else"):
         load_model(tmp_path / "other.npz")
     with pytest.raises(InputError, match=r"ending in \.npz"):
         save_model(quarter_annulus(), tmp_path / "model.txt")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["other.npz", "text.npz"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["array.npy", "other.npz", "text.npz"]
 
 
 def test_bad_patches_are_named(device: Device) -> None:

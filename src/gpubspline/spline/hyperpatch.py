@@ -87,7 +87,7 @@ class Hyperpatch:
         """
         axes = [_checked(values) for values in parameters]
         self._check_directions(len(axes), derivatives)
-        planes = self._derivative(axes, device, tuple(derivatives or (0,) * len(axes)), grid=True)
+        planes = self._evaluate(axes, device, tuple(derivatives or (0,) * len(axes)), grid=True)
         counts = [len(axis) for axis in axes]
         return np.asarray(planes.reshape(-1, *counts[::-1]).T)
 
@@ -96,7 +96,7 @@ class Hyperpatch:
         values = np.atleast_2d(np.asarray(parameters, dtype=np.float64))
         self._check_directions(values.shape[-1], derivatives)
         axes = [_checked(values[:, axis]) for axis in range(values.shape[1])]
-        return np.asarray(self._derivative(axes, device, tuple(derivatives or (0,) * len(axes)), grid=False).T)
+        return np.asarray(self._evaluate(axes, device, tuple(derivatives or (0,) * len(axes)), grid=False).T)
 
     def insert_knots(self, direction: int, new: Sequence[float]) -> "Hyperpatch":
         """Add knots in one direction; the patch stays where it is and gains control points."""
@@ -121,6 +121,19 @@ class Hyperpatch:
             return self.control
         weights = self.weights[..., None]
         return np.concatenate([self.control * weights, weights], axis=-1)
+
+    def _evaluate(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> Reals:
+        """(3 + C, N) planes of the patch, or of one partial derivative.
+
+        Places are worked out from the middle of the patch: float32 has digits to spare there, not at the scanner's.
+        """
+        if any(order):
+            return self._derivative(axes, device, order, grid)
+        middle = np.zeros(self.control.shape[-1])
+        middle[:3] = np.round(self.control[..., :3].mean(axis=tuple(range(self.parametric_dimension))))  # exact floats
+        planes = replace(self, control=self.control - middle)._derivative(axes, device, order, grid)
+        planes[:3] += middle[:3, None].astype(planes.dtype)
+        return planes
 
     def _derivative(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> Reals:
         """(3 + C, N) planes of one partial derivative; of a NURBS by the quotient rule in each direction."""

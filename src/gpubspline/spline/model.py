@@ -42,8 +42,10 @@ def load_model(path: str | Path) -> Hyperpatch:
     Raises InputError where it is missing, damaged or something else.
     """
     try:
+        if not zipfile.is_zipfile(path):
+            raise zipfile.BadZipFile("it is no .npz file") if Path(path).exists() else FileNotFoundError
         with np.load(path, allow_pickle=False) as file:
-            parts = {name: file[name] for name in file.files} if hasattr(file, "files") else {}
+            parts = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise InputError(f"expected a model file, got {path}, which does not exist") from None
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
