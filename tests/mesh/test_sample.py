@@ -1,5 +1,7 @@
 """Sampling a hyperpatch: nodes on it, counts of the paper, sets on their sides, no mesh born inverted."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,21 @@ def test_the_papers_counts(nodes, elements, device):
     assert mesh.n_elements == elements
     assert mesh.n_nodes == np.prod(nodes)
     assert mesh.points.dtype == device.real
+
+
+@pytest.mark.parametrize(
+    ("nodes", "order", "message"),
+    [
+        ((1300, 1300, 1300), 1, "int32 numbers, got 2,197,000,000"),
+        ((1000, 1000, 1000), 2, "int32 numbers, got 7,988,005,999"),
+        ((10**7, 10**7, 10**7), 1, "int32 numbers"),
+        ((40, 50, 60), 1, "memory of 0 GB, got 120,000 samples"),
+    ],
+)
+def test_a_mesh_too_large_is_refused_before_any_work(nodes, order, message, device, monkeypatch):
+    monkeypatch.setattr(os, "sysconf", lambda name: 2**10)  # a machine of one megabyte
+    with pytest.raises(InputError, match=message):
+        sample(box_patch(), nodes, order=order, device=device)
 
 
 @pytest.mark.parametrize("element_type", MESHABLE)

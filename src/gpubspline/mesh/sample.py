@@ -1,6 +1,8 @@
 """From a hyperpatch to a mesh: nodes are the patch at evenly spaced parameters."""
 
+import os
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,12 @@ from gpubspline.mesh import measure, structure
 from gpubspline.mesh.elements import Element, find_element
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.spline.hyperpatch import Hyperpatch
+
+MOST_SAMPLES = 2**31 - 1
+"""Nodes and elements have int32 numbers."""
+
+SAMPLE_BYTES = 80
+"""Memory that a mesh takes per sample, about, with its fields and elements and what passes by (measured)."""
 
 _BY_ORDER = {(2, 1): "quad4", (2, 2): "quad8", (3, 1): "hex8", (3, 2): "hex20"}
 
@@ -41,11 +49,13 @@ def sample(
 
     Raises
     ------
-    InputError where the counts or the element type do not fit the patch.
+    InputError where the counts or the element type do not fit the patch, or the mesh does not fit the memory.
     """
     element = _choose_element(patch, order, element_type)
     check_nodes(patch, nodes)
-    parameters = [np.linspace(0.0, 1.0, n) for n in structure.lattice_counts(element, nodes)]
+    counts = structure.lattice_counts(element, nodes)
+    check_size(prod(counts))
+    parameters = [np.linspace(0.0, 1.0, n) for n in counts]
     lattice = patch.evaluate_grid(parameters, device)
     mesh = from_lattice(lattice, patch.channels, element, nodes)
     if is_left_handed(mesh):
@@ -76,6 +86,18 @@ def check_nodes(patch: Hyperpatch, nodes: tuple[int, ...]) -> None:
         raise InputError(f"expected nodes {wanted} for a {kind} patch, got {len(nodes)} numbers: {nodes}")
     if min(nodes) < 2:
         raise InputError(f"expected at least 2 nodes in every direction, got {nodes}")
+
+
+def check_size(samples: int) -> None:
+    """Raise InputError where samples have no int32 numbers or do not fit the memory."""
+    if samples > MOST_SAMPLES:
+        raise InputError(f"expected at most {MOST_SAMPLES:,} samples, which have int32 numbers, got {samples:,}")
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else None
+    if memory is not None and samples * SAMPLE_BYTES > memory:
+        raise InputError(
+            f"expected a mesh that fits the memory of {memory / 1e9:.0f} GB, got {samples:,} samples, which take about "
+            f"{samples * SAMPLE_BYTES / 1e9:.0f} GB: ask for fewer nodes, or for a .vts file, written in slabs"
+        )
 
 
 def from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Element, nodes: tuple[int, ...]) -> Mesh:

@@ -9,7 +9,7 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.sample import check_nodes, from_lattice, is_left_handed
+from gpubspline.mesh.sample import check_nodes, check_size, from_lattice, is_left_handed
 from gpubspline.spline.hyperpatch import Hyperpatch
 
 SLAB_NODES = 4_000_000
@@ -56,11 +56,12 @@ def sample_slabs(
 ) -> Iterator[Slab]:
     """Sample a solid to hex8 slab by slab; the nodes are those that ``sample`` gives, mirrored alike.
 
-    Raises InputError where the counts do not fit the patch, or it is no solid.
+    Raises InputError where the counts do not fit the patch or two layers the memory, or it is no solid.
     """
     if patch.parametric_dimension != 3:
         raise InputError("expected a solid patch to be sampled in slabs, got a surface")
     check_nodes(patch, nodes)
+    check_size(2 * nodes[0] * nodes[1])  # the thinnest slab
     element = find_element("hex8")
     few = tuple(min(n, c) for n, c in zip(nodes, patch.shape, strict=True))
     coarse = patch.evaluate_grid([np.linspace(0.0, 1.0, n) for n in few], device)
