@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 import pydicom
 import pytest
+import SimpleITK as sitk
 
 from gpubspline.cli import main
 from gpubspline.ct.phantom_dicom import write_phantom
@@ -283,6 +284,33 @@ def crop_of_nothing(folder: Path, femur: Path) -> list[Any]:
     return [femur, "--box", "900,950,900,950,900,950", "the volume spans"]
 
 
+def unknown_field(folder: Path, femur: Path) -> list[Any]:
+    return [femur, *FEMUR, "--field", "stress", "one of the fields HU, .*scaled_jacobian for --field"]
+
+
+def nan_in_nifti(folder: Path, femur: Path) -> list[Any]:
+    samples = np.zeros((6, 8, 9), dtype=np.float32)
+    samples[2, 3, 4] = np.inf
+    sitk.WriteImage(sitk.GetImageFromArray(samples), str(folder / "ct.nii.gz"))
+    return [folder / "ct.nii.gz", "finite HU"]
+
+
+def threshold_of_nan(folder: Path, femur: Path) -> list[Any]:
+    return [femur, "--threshold", "nan", "finite threshold"]
+
+
+def box_of_nan(folder: Path, femur: Path) -> list[Any]:
+    return [femur, "--box", "nan,9,0,9,0,9", "6 numbers with commas for --box"]
+
+
+def more_nodes_than_numbers(folder: Path, femur: Path) -> list[Any]:
+    return [femur, "--nodes", "1300,1300,1300", "at most 2,147,483,647 samples"]
+
+
+def one_file_twice(folder: Path, femur: Path) -> list[Any]:
+    return [femur, "--histogram", folder / "out" / "p.png", "a file of its own for each output"]
+
+
 def wrong_counts(folder: Path, femur: Path) -> list[Any]:
     return [femur, "--nodes", "10,ten,5", "integers with commas for --nodes"]
 
@@ -307,6 +335,12 @@ CASES = [
     one_slice_as_solid,
     npy_without_spacing,
     crop_of_nothing,
+    unknown_field,
+    nan_in_nifti,
+    threshold_of_nan,
+    box_of_nan,
+    more_nodes_than_numbers,
+    one_file_twice,
     wrong_counts,
     unknown_option,
 ]
@@ -346,6 +380,25 @@ def test_bad_output_is_named_before_any_work(run: Run, tmp_path: Path, output: s
     status, _, err = run("mesh", tmp_path / "input-that-is-not-there", "-o", tmp_path / output)
     assert_one_line(status, err, pattern)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_no_input_is_overwritten(run: Run, femur: Path, tmp_path: Path) -> None:
+    mesh = tmp_path / "m.vtu"
+    assert run("mesh", femur, "-o", mesh, "--nodes", "5,6,7")[0] == 0
+    before = mesh.read_bytes()
+    assert_one_line(*run("quality", mesh, "--summary", mesh)[::2], "a file of its own")
+    samples = np.zeros((6, 8, 9), dtype=np.int16)
+    np.save(tmp_path / "ct.npy", samples)
+    words = ["--spacing", "1,1,1", "--summary", tmp_path / "ct.npy"]
+    assert_one_line(*run("mesh", tmp_path / "ct.npy", "-o", tmp_path / "n.vtu", *words)[::2], "a file of its own")
+    assert mesh.read_bytes() == before and np.array_equal(np.load(tmp_path / "ct.npy"), samples)
+
+
+def test_bad_demo_leaves_no_folder(run: Run, tmp_path: Path) -> None:
+    assert_one_line(*run("demo", tmp_path / "d", "--backend", "metal")[::2], "expected a backend")
+    (tmp_path / "file").write_text("")
+    assert_one_line(*run("demo", tmp_path / "file")[::2], "expected a folder to make, got the file")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_bad_model_and_phantom(run: Run, tmp_path: Path) -> None:

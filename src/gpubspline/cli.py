@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from gpubspline.errors import GpubsplineError, GpubsplineWarning, InputError
-from gpubspline.files import check_writable
+from gpubspline.files import check_apart, check_writable
 from gpubspline.options import (
     MeshOptions,
     OutputOptions,
@@ -54,7 +54,7 @@ def mesh(
     """Make a mesh with material from CT."""
     from gpubspline import describe, pipeline
 
-    files.check()
+    files.check(source)
     wanted = region.source(source, read, spline.axis)
     shaping = spline.shaping(3 if region.slice_index is None else 2)
     sampling, device = sampled.sampling(), run.open()
@@ -103,7 +103,7 @@ def sample(
     from gpubspline import describe, pipeline
     from gpubspline.spline.model import load_model
 
-    files.check()
+    files.check([model])
     sampling, device = sampled.sampling(), run.open()
     with run.clock() as clock:
         with clock.stage("read"):
@@ -130,8 +130,10 @@ def quality(
     from gpubspline.report.sheet import check_png
     from gpubspline.report.summary import write_summary
 
-    for path in filter(None, (summary, histogram)):
+    written = [path for path in (summary, histogram) if path]
+    for path in written:
         check_writable(path)
+    check_apart(written, [mesh])
     if histogram:
         check_png(histogram)
     device = run.open()
@@ -144,7 +146,7 @@ def quality(
         write_summary(describe.quality_figures(found, judged), summary)
     if histogram:
         write_histogram(judged, histogram)
-    run.say(describe.quality_lines(found, judged) + describe.wrote([p for p in (summary, histogram) if p]))
+    run.say(describe.quality_lines(found, judged) + describe.wrote(written))
 
 
 @app.command()
@@ -223,11 +225,13 @@ def demo(
 
     if not folder.absolute().parent.is_dir():
         raise InputError(f"expected an existing folder to make {folder.name} in, got {folder.absolute().parent}")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"expected a folder to make, got the file {folder}")
+    device, counts = run.open(), "14,24,46"  # the adult femur of the paper's Fig. 4b
     folder.mkdir(exist_ok=True)
     series, deck, picture = folder / "ct", folder / "femur.inp", folder / "femur.png"
     files = OutputOptions(folder / "femur.vtu", None, folder / "femur.json", picture, "HU", folder / "histogram.png")
     files.check()
-    device, counts = run.open(), "14,24,46"  # the adult femur of the paper's Fig. 4b
     with run.clock() as clock:
         if not series.is_dir():
             with clock.stage("scan"):
@@ -283,8 +287,10 @@ def main() -> None:
         _fail(error.format_message())
     except typer.Abort:
         _fail("interrupted", 130)
-    except (GpubsplineError, OSError) as error:
+    except GpubsplineError as error:
         _fail(str(error))
+    except OSError as error:
+        _fail(f"cannot use {error.filename}: {error.strerror}" if error.filename else str(error))
     except MemoryError:
         _fail("not enough memory: ask for fewer nodes, or crop the CT with --box")
     sys.exit(status if isinstance(status, int) else 0)

@@ -105,7 +105,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
     quality = figures["scaled_jacobian"]
     lines = [
         f"mesh       {figures['elements']:,} {figures['element_type']}, {figures['nodes']:,} nodes",
-        f"quality    scaled Jacobian {quality['min']:.3f} to 1, mean {quality['mean']:.3f}; "
+        f"quality    scaled Jacobian from {quality['min']:.3f}, mean {quality['mean']:.3f}; "
         f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
         f"{quality['inverted']} inverted",
     ]

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +21,15 @@ def check_writable(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"cannot write in {folder}: {error.strerror}") from None
+
+
+def check_apart(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
+    """Raise ``InputError`` where an output would replace an input or another output."""
+    taken = {path.resolve() for path in inputs}
+    for path in outputs:
+        if path.resolve() in taken:
+            raise InputError(f"expected a file of its own for each output, got {path} for two files of this run")
+        taken.add(path.resolve())
 
 
 @contextmanager

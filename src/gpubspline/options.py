@@ -2,16 +2,17 @@
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import wraps
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from gpubspline.errors import InputError
-from gpubspline.files import check_writable
+from gpubspline.files import check_apart, check_writable
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
@@ -61,8 +62,10 @@ class RegionOptions:
     """Which part of a CT is meshed."""
 
     box: Annotated[str | None, _option("Input", "crop to a box, LPS mm", metavar="X0,X1,Y0,Y1,Z0,Z1")] = None
-    slices: Annotated[str | None, _option("Input", "crop to slices A to B - 1", metavar="A:B")] = None
-    slice_index: Annotated[int | None, _option("Input", "mesh one slice with quads", "--slice", metavar="K")] = None
+    slices: Annotated[str | None, _option("Input", "crop to slices A to B - 1 along k", metavar="A:B")] = None
+    slice_index: Annotated[
+        int | None, _option("Input", "mesh slice K with quads, -1 for the last", "--slice", metavar="K")
+    ] = None
     threshold: Annotated[
         float | None, _option("Region", "what lies above is body (default: Otsu's threshold)", metavar="HU")
     ] = None
@@ -73,7 +76,7 @@ class RegionOptions:
         _option("Region", "where holes are filled (default: slice, none for masks)", metavar="slice|volume|none"),
     ] = None
     smooth: Annotated[
-        float | None, _option("Region", "Gaussian on the boundary (default: a voxel for masks, else 0)", metavar="MM")
+        float | None, _option("Region", "Gaussian on HU, or on a mask's boundary (default: 0; a voxel)", metavar="MM")
     ] = None
 
     def source(self, paths: list[Path], read: ReadOptions, axis: str) -> Any:
@@ -158,6 +161,10 @@ class MeshOptions:
         return Sampling(find_law(self.law or DEFAULT_LAW), counts, self.order, self.element, policy)
 
 
+MADE_FIELDS = ("density_g_cm3", "E_MPa", "nu", "material", "scaled_jacobian")
+"""Fields that a mesh gets beside the channels of its patch."""
+
+
 @dataclass
 class OutputOptions:
     """The files a run writes: checked before the work, written after it."""
@@ -183,14 +190,15 @@ class OutputOptions:
         """Every file that is asked for."""
         return [path for path in (self.output, self.summary, self.picture, self.histogram) if path]
 
-    def check(self) -> None:
-        """Raise InputError where a file could not be written."""
+    def check(self, inputs: Sequence[Path] = ()) -> None:
+        """Raise InputError where a file could not be written, or would replace another or one of the inputs."""
         from gpubspline.export import check_extension
         from gpubspline.report.sheet import check_png
 
         check_extension(self.output)
         for path in self.paths:
             check_writable(path)
+        check_apart(self.paths, inputs)
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
         if self.modulus_bins is not None and self.output.suffix.lower() != ".inp":
@@ -200,6 +208,9 @@ class OutputOptions:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
         from gpubspline import pipeline
 
+        known = (*patch.channels, *MADE_FIELDS)
+        if self.picture and self.field not in known:
+            raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         self._streamed = self.output.suffix.lower() == ".vts" and patch.parametric_dimension == 3 and first_order
         if self._streamed:
@@ -275,7 +286,7 @@ def numbers(text: str | None, name: str, count: int) -> tuple[float, ...] | None
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != count:
+    if len(values) != count or not all(map(isfinite, values)):
         raise InputError(f"expected {count} numbers with commas for --{name}, got {text!r}")
     return values
 

@@ -270,7 +270,7 @@ def test_one_slice_is_no_solid() -> None:
     volume, region = ellipsoid(AFFINES["axial"])
     flat = Volume(volume.hu[25:26], volume.affine)
     alone = Region(region.mask[25:26], region.distance_mm[25:26], volume.affine)
-    with pytest.raises(InputError, match="several slices along z for a solid, got one: give two counts"):
+    with pytest.raises(InputError, match="several slices along z for a solid, got one: ask for a surface"):
         control_lattice(flat, alone, (8, 8, 8))
     distance = np.where(np.arange(48)[:, None, None] == 25, region.distance_mm, 5.0).astype(np.float32)
     with pytest.raises(InputError, match="a region of several slices for a solid, got one slice"):

@@ -127,8 +127,10 @@ def region_from_threshold(
 
     Raises
     ------
-    InputError where nothing reaches the threshold, giving the range of HU.
+    InputError where nothing reaches the threshold, giving the range of HU, or the threshold is not finite.
     """
+    if not np.isfinite(threshold_hu):
+        raise InputError(f"expected a finite threshold in HU, got {threshold_hu}")
     hu = volume.hu
     if smoothing_mm:
         hu = _smooth(hu.astype(np.float32), np.full(3, _checked(smoothing_mm)) / volume.spacing_mm)

@@ -129,7 +129,7 @@ def _slices(whole: Stack, directions: int, axis: str, slice_index: int | None) -
             raise InputError("expected two control counts for one slice, got three")
         if whole.slices == 1:
             raise InputError(
-                f"expected several slices along {axis} for a solid, got one: give two counts for a surface"
+                f"expected several slices along {axis} for a solid, got one: ask for a surface of slice 0 (--slice 0)"
             )
         return whole
     if whole.slices is None:
@@ -170,7 +170,7 @@ def _check_limits(shape: tuple[int, ...], limits: tuple[int, int, int]) -> None:
     most = limits[: len(shape)]
     if len(shape) == 3 and limits[2] < 2:
         raise InputError(
-            "expected a region of several slices for a solid, got one slice: give two counts for a surface"
+            "expected a region of several slices for a solid, got one slice: ask for a surface of it (--slice)"
         )
     if any(count > limit for count, limit in zip(shape, most, strict=True)):
         raise InputError(
