@@ -5,12 +5,12 @@ element, 36 bytes written to the file; everything before the slabs does not grow
 and memory flat.
 """
 
-import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
 
 from gpubspline.bench.measure import Host, Row, WrongResult
 from gpubspline.ct.phantom_dicom import write_phantom
@@ -41,18 +41,27 @@ def rows(host: Host) -> Iterator[Row]:
 
 
 def _watched(command: Sequence[str]) -> tuple[float, int | None]:
-    """Seconds and peak memory (None on Windows) of a process."""
-    start = perf_counter()
+    """Seconds and peak memory (None where there is no /proc) of a process.
+
+    What the system tells of a process that has ended includes its parent's memory from before it became another program.
+    """
+    start, peak = perf_counter(), None
     process = subprocess.Popen(command)
-    if not hasattr(os, "wait4"):
-        status, peak = process.wait(), None
-    else:
-        _, code, usage = os.wait4(process.pid, 0)
-        process.returncode = status = os.waitstatus_to_exitcode(code)
-        peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    if status:
-        raise WrongResult(f"expected {' '.join(command[2:4])} to end well, got status {status}")
+    while process.poll() is None:
+        peak = _peak_bytes(process.pid) or peak
+        sleep(0.01)
+    if process.returncode:
+        raise WrongResult(f"expected {' '.join(command[2:4])} to end well, got status {process.returncode}")
     return perf_counter() - start, peak
+
+
+def _peak_bytes(pid: int) -> int | None:
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:  # it has just ended, or there is no /proc
+        return None
+    found = re.search(r"VmHWM:\s+(\d+) kB", status)
+    return 1024 * int(found[1]) if found else None
 
 
 def draw(found: Sequence[Row], path: Path) -> None:
