@@ -43,7 +43,7 @@ def rows(host: Host) -> Iterator[Row]:
 def _watched(command: Sequence[str]) -> tuple[float, int | None]:
     """Seconds and peak memory (None where there is no /proc) of a process.
 
-    What the system tells of a process that has ended includes its parent's memory from before it became another program.
+    What the system tells of one that has ended includes its parent's memory from before it became another program.
     """
     start, peak = perf_counter(), None
     process = subprocess.Popen(command)
