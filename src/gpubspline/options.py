@@ -207,6 +207,7 @@ class OutputOptions:
     def make(self, patch: Any, sampling: Any, device: Any, clock: Any, region: Any = None) -> Any:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
         from gpubspline import pipeline
+        from gpubspline.streaming import stream_patch
 
         known = (*patch.channels, *MADE_FIELDS)
         if self.picture and self.field not in known:
@@ -214,7 +215,7 @@ class OutputOptions:
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         self._streamed = self.output.suffix.lower() == ".vts" and patch.parametric_dimension == 3 and first_order
         if self._streamed:
-            return pipeline.stream_patch(patch, sampling, self.output, device, clock, region)
+            return stream_patch(patch, sampling, self.output, device, clock, region)
         return pipeline.sample_patch(patch, sampling, device, clock, region)
 
     def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:

@@ -14,11 +14,12 @@ from gpubspline.export import read_mesh
 from gpubspline.material.registry import law
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.slabs import sample_slabs
-from gpubspline.pipeline import sample_patch, stream_patch, summarise
+from gpubspline.pipeline import sample_patch, summarise
 from gpubspline.recipe import Sampling
 from gpubspline.spline.fit import fit
 from gpubspline.spline.hyperpatch import Hyperpatch, hyperpatch
 from gpubspline.spline.lattice import control_lattice
+from gpubspline.streaming import stream_patch
 
 
 def warped(mirrored: bool) -> Hyperpatch:

@@ -1,0 +1,43 @@
+"""The first half of the flow: files to a volume, and the body in it."""
+
+from typing import Any
+
+from gpubspline.clock import Clock
+from gpubspline.ct.image import read_volume
+from gpubspline.ct.masks import read_mask
+from gpubspline.ct.region import Region, otsu_threshold, region_from_mask, region_from_threshold
+from gpubspline.ct.volume import Volume
+from gpubspline.ct.window import Window, crop, find_window
+from gpubspline.errors import InputError
+from gpubspline.recipe import Source
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | None]:
+    """Read the CT and find the body: by mask, by threshold, or by Otsu's threshold where neither is given."""
+    if source.mask is not None and source.threshold_hu is not None:
+        raise InputError("expected a threshold or a mask, got both")
+    if source.label is not None and source.mask is None:
+        raise InputError("expected a label together with a mask file, got a label alone")
+    with clock.stage("read"):
+        whole = read_volume(source.path, progress=clock.advance, **source.reading)
+        mask = None if source.mask is None else read_mask(source.mask, whole, source.label)
+    with clock.stage("region"):
+        window = _window(source, whole)
+        volume = crop(whole, window)
+        fill = source.fill or ("slice" if mask is None else "none")
+        options: dict[str, Any] = {"fill": fill, "fill_axis": AXES.get(source.axis, 2)}
+        if mask is not None:
+            options["smoothing_mm"] = source.smoothing_mm
+            return volume, region_from_mask(volume, mask[window.slices], **options), None
+        threshold = otsu_threshold(volume) if source.threshold_hu is None else source.threshold_hu
+        options["smoothing_mm"] = source.smoothing_mm or 0.0
+        return volume, region_from_threshold(volume, threshold, **options), threshold
+
+
+def _window(source: Source, volume: Volume) -> Window:
+    axis = AXES.get(source.axis)
+    if source.slice_index is not None and axis is None:
+        raise InputError("expected the axis x, y or z for one slice, got long, whose slices are no voxels'")
+    return find_window(volume, source.box_mm, source.slices, source.slice_index, 2 if axis is None else axis)

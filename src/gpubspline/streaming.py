@@ -1,0 +1,71 @@
+"""The second half of the flow for meshes too large to hold: sampled, judged, counted and written slab by slab."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpubspline.clock import Clock
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
+from gpubspline.export.vts import VtsWriter, write_slab
+from gpubspline.material.mapping import apply_material
+from gpubspline.mesh.distance import distances, flat_axes
+from gpubspline.mesh.quality import assess
+from gpubspline.mesh.slabs import SLAB_NODES, Slab, sample_slabs
+from gpubspline.mesh.tally import add, tally
+from gpubspline.pipeline import sample_patch
+from gpubspline.recipe import Model, Sampling
+from gpubspline.spline.hyperpatch import Hyperpatch
+
+LOOKED_AT = 96
+"""Samples per direction of the mesh that stands for one too large to draw."""
+
+
+def stream_patch(
+    patch: Hyperpatch,
+    sampling: Sampling,
+    path: Path,
+    device: Device,
+    clock: Clock,
+    region: Region | None = None,
+    slab_nodes: int = SLAB_NODES,
+) -> Model:
+    """Do what ``pipeline.sample_patch`` does slab by slab, and write each slab to a ``.vts`` as it comes.
+
+    Memory does not grow with the mesh; no connectivity is ever built.
+    """
+    nodes = sampling.nodes or patch.shape
+    seen = tuple(min(n, LOOKED_AT) for n in nodes)
+    coarse = sample_patch(patch, replace(sampling, nodes=seen), device, Clock())
+    flat = None if region is None else flat_axes(coarse.mesh, region)
+    parts = []
+    types = {name: values.dtype for name, values in coarse.mesh.fields.items()}
+    cell_types = {name: values.dtype for name, values in coarse.mesh.cell_fields.items()}
+    with VtsWriter(path, nodes, types, cell_types, coarse.mesh.points.dtype) as writer:
+        slabs = sample_slabs(patch, nodes, device=device, slab_nodes=slab_nodes)
+        while slab := _next(slabs, clock):
+            with clock.stage("material"):
+                mesh, material = apply_material(slab.mesh, sampling.law, device=device, **sampling.policy)
+            with clock.stage("quality"):
+                mesh, quality = assess(mesh, device)
+            with clock.stage("distance"):
+                off = None if region is None else _side_distances(slab, region, device, flat)
+                outside = int(np.count_nonzero(material.piece[slab.own_nodes] < 0))
+                parts.append(tally(mesh, quality, own_nodes=slab.own_nodes, out_of_range=outside, distances=off))
+            with clock.stage("write"):
+                write_slab(writer, replace(slab, mesh=mesh))
+                clock.advance(slab.last, nodes[2] - 1)
+    return Model(coarse.mesh, add(parts), sampling)
+
+
+def _next(slabs: Iterator[Slab], clock: Clock) -> Slab | None:
+    with clock.stage("sample"):
+        return next(slabs, None)
+
+
+def _side_distances(slab: Slab, region: Region, device: Device, flat: Any) -> tuple[Any, Any]:
+    found = [distances(slab.mesh, region, device, side, flat) for side in slab.sides]
+    return np.concatenate([d for d, _ in found]), np.concatenate([w for _, w in found])
