@@ -24,6 +24,9 @@ inline int run_start(size_t item, int n)
 }
 #endif
 
+// No multiplication and addition are fused, as in Warp on a CPU: both round alike and give the same mesh to the last bit.
+#pragma OPENCL FP_CONTRACT OFF
+
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 #if LANES == 1

@@ -194,7 +194,7 @@ def test_nothing_identifies_a_patient(run: Run, femur: Path, tmp_path: Path) -> 
     run("mesh", folder, "-o", out / "m.vtu", *FEMUR)
     _, told, _ = run("info", folder)
     written = b"".join(path.read_bytes() for path in out.iterdir()) + (said + warned + told).encode()
-    assert not any(word in written for word in (b"Featherstone", b"Ophelia", b"471147", b"Elsewhere"))
+    assert not any(word in written for word in (b"Featherstone", b"Ophelia", b"ID471147", b"Elsewhere"))
 
 
 # Bad input: each case makes its folder and gives the words of a command and what the message must say.

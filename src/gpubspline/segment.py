@@ -1,5 +1,6 @@
 """The first half of the flow: files to a volume, and the body in it."""
 
+from dataclasses import replace
 from typing import Any
 
 from gpubspline.clock import Clock
@@ -31,7 +32,9 @@ def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | N
         if mask is not None:
             options["smoothing_mm"] = source.smoothing_mm
             return volume, region_from_mask(volume, mask[window.slices], **options), None
-        threshold = otsu_threshold(volume) if source.threshold_hu is None else source.threshold_hu
+        threshold = source.threshold_hu
+        if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
+            threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
         return volume, region_from_threshold(volume, threshold, **options), threshold
 

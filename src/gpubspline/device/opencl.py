@@ -84,7 +84,11 @@ class OpenCLDevice:
         flags = self._opencl.mem_flags.READ_WRITE
         if self._is_cpu:
             flags |= self._opencl.mem_flags.ALLOC_HOST_PTR
-        return OpenCLBuffer(self._opencl.Buffer(self._context, flags, padded * kind.itemsize), shape, kind)
+        try:
+            memory = self._opencl.Buffer(self._context, flags, padded * kind.itemsize)
+        except (self._opencl.MemoryError, self._opencl.LogicError) as error:
+            raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
+        return OpenCLBuffer(memory, shape, kind)
 
     def get(self, buffer: OpenCLBuffer) -> NDArray[Any]:
         """Download; on a CPU the array is the buffer's own memory."""

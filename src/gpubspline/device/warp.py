@@ -78,7 +78,11 @@ class WarpDevice:
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
         """Reserve a buffer; kernels see it flat."""
         kind = np.dtype(self.real if dtype is None else dtype)
-        return self._warp.empty(shape, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
+        try:
+            return self._warp.empty(shape, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
+        except (RuntimeError, ValueError) as error:
+            size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
+            raise MemoryError(f"{self.label} has no room for {size:,} bytes: {error}") from None
 
     def get(self, buffer: Any) -> NDArray[Any]:
         """Download."""
