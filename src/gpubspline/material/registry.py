@@ -22,8 +22,6 @@ A file holds one table per law::
     poisson = 0.3
 """
 
-import importlib
-import sys
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
@@ -33,6 +31,7 @@ from typing import Any
 
 from gpubspline.errors import InputError
 from gpubspline.material.laws import DensityRelation, Law, Piece
+from gpubspline.tables import checked, is_a, parse, read_text
 
 DEFAULT_LAW = "wirtz-2000"
 """Eqs 3.6 and 3.7 of the paper."""
@@ -65,13 +64,7 @@ def law(name: str | Path = DEFAULT_LAW) -> Law:
 
 
 def _law_of_file(path: Path) -> Law:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read the material law {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"expected a material law in UTF-8 text, got something else in {path}") from None
-    found = list(read_laws(text, path.name).values())
+    found = list(read_laws(read_text(path, "material law"), path.name).values())
     if len(found) != 1:
         raise InputError(f"expected exactly one material law in {path.name}, got {len(found)}")
     return found[0]
@@ -89,17 +82,11 @@ def read_laws(text: str, source: str) -> dict[str, Law]:
     ------
     InputError, one line that names the law and the key, for what is not TOML or not of the schema.
     """
-    # tomllib is in Python since 3.11, tomli is the same code for 3.10
-    toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
-    try:
-        tables = toml.loads(text)
-    except toml.TOMLDecodeError as error:
-        raise InputError(f"expected TOML in {source}, got a text with an error: {error}") from None
-    return {name: _law(name, table, f"{name!r} in {source}") for name, table in tables.items()}
+    return {name: _law(name, table, f"{name!r} in {source}") for name, table in parse(text, source).items()}
 
 
 def _law(name: str, table: Any, where: str) -> Law:
-    fields = _checked(
+    fields = checked(
         table,
         f"the law {where}",
         required={"title": str, "density": dict, "pieces": list},
@@ -115,7 +102,7 @@ def _law(name: str, table: Any, where: str) -> Law:
 
 
 def _density(table: Any) -> DensityRelation:
-    fields = _checked(
+    fields = checked(
         table,
         "[density]",
         required={"kind": str},
@@ -138,7 +125,7 @@ def _line(points: Any, has_intercept: bool) -> dict[str, float]:
 
 
 def _piece(table: Any, number: int, density: DensityRelation) -> Piece:
-    fields = _checked(
+    fields = checked(
         table,
         f"piece {number}",
         required={"factor_mpa": float, "exponent": float, "poisson": float},
@@ -155,27 +142,6 @@ def _piece(table: Any, number: int, density: DensityRelation) -> Piece:
 
 
 def _pair(value: Any, where: str) -> tuple[float, float]:
-    if not (isinstance(value, list) and len(value) == 2 and all(_is(number, float) for number in value)):
+    if not (isinstance(value, list) and len(value) == 2 and all(is_a(number, float) for number in value)):
         raise InputError(f"expected two numbers in {where}, got {value!r}")
     return float(value[0]), float(value[1])
-
-
-def _checked(table: Any, where: str, required: dict[str, type], optional: dict[str, type]) -> dict[str, Any]:
-    """Copy a table that has every required key, no unknown key, and values of the right types."""
-    if not isinstance(table, dict):
-        raise InputError(f"expected a table for {where}, got {table!r}")
-    known = required | optional
-    for key in [key for key in required if key not in table] + [key for key in table if key not in known]:
-        problem = "which is unknown" if key in table else "missing"
-        raise InputError(f"expected the keys {', '.join(known)} in {where}, got {key!r} {problem}")
-    for key, value in table.items():
-        if not _is(value, known[key]):
-            kind = {float: "a number", str: "a text", list: "a list", dict: "a table"}[known[key]]
-            raise InputError(f"expected {kind} for {key} in {where}, got {value!r}")
-    return dict(table)
-
-
-def _is(value: Any, kind: type) -> bool:
-    if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    return isinstance(value, kind)
