@@ -1,0 +1,1 @@
+"""Analysis: elasticity of a mesh under a load case, and its stress."""

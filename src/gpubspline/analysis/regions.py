@@ -1,0 +1,251 @@
+"""Regions of a mesh's surface, where supports and loads act.
+
+A region is asked at sample points of the surface, so that it cuts through faces: what it catches depends on the body,
+and hardly on the mesh. Points are in patient mm (LPS); directions follow the axes of the load case.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.errors import InputError
+from gpubspline.mesh.elements import ELEMENTS, Element
+from gpubspline.mesh.mesh import Mesh
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Vector = tuple[float, float, float]
+
+_POINTS = 4
+"""Gauss points per parameter of a face: exact for the forces on a curved face of order 2 that lies in the region."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Sample points of the outer faces of hexes.
+
+    Attributes
+    ----------
+    mesh: hexes.
+    axes: (3,) of 1 and -1, from the load case's axes to the patient's x, y, z.
+    faces: (f, k) node numbers, outward.
+    at: (s, 2) parameters in 0..1 of the samples of each face.
+    weights: (s,) of the samples, or None for samples at the faces' own nodes, in their order.
+    """
+
+    mesh: Mesh
+    axes: Floats
+    faces: NDArray[np.int32]
+    at: Floats
+    weights: Floats | None
+
+    @property
+    def face(self) -> Element:
+        """Element type of a face."""
+        return ELEMENTS[self.mesh.element.side_name]
+
+    @cached_property
+    def shape(self) -> Floats:
+        """(s, k) shape functions at the samples."""
+        return self.face.shape(self.at)
+
+    @cached_property
+    def points_mm(self) -> Floats:
+        """(f, s, 3) the samples, mm."""
+        return np.asarray(np.matmul(self.shape, self._nodes))
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(f, s, 3) outward normals as long as the area per unit of the parameters, mm2."""
+        along_u, along_v = (np.matmul(gradient, self._nodes) for gradient in self.face.gradient(self.at))
+        return np.cross(along_u, along_v)
+
+    @cached_property
+    def areas_mm2(self) -> Floats:
+        """(f, s) the area, mm2, that each sample stands for."""
+        size = np.linalg.norm(self.normals, axis=2)
+        return np.asarray(size if self.weights is None else size * self.weights)
+
+    @cached_property
+    def _nodes(self) -> Floats:
+        return np.asarray(self.mesh.points[self.faces], dtype=np.float64)
+
+
+def surfaces(mesh: Mesh, axes: Floats) -> tuple[Surface, Surface]:
+    """Surface of a mesh at Gauss points, where loads act, and at its nodes, which supports hold.
+
+    Raises
+    ------
+    InputError where the mesh is not of hexes.
+    """
+    if mesh.element.dimension != 3:
+        raise InputError(f"expected hexes to load, got {mesh.element_type}")
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    grid = np.stack(np.meshgrid(points, points, indexing="ij"), axis=-1).reshape(-1, 2)
+    faces = mesh.boundary()
+    own = np.array(ELEMENTS[mesh.element.side_name].vertices) / 2
+    at_gauss = Surface(mesh, axes, faces, (grid + 1) / 2, np.outer(weights, weights).ravel() / 4)
+    return at_gauss, Surface(mesh, axes, faces, own, None)
+
+
+class Part(Protocol):
+    """One condition on the samples of a surface."""
+
+    def holds(self, surface: Surface) -> Flags:
+        """Where it holds, (f, s) or what broadcasts to it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Region:
+    """The part of a surface where every one of its parts holds; ``name`` is what errors and reports call it."""
+
+    name: str
+    parts: tuple[Part, ...]
+
+    def inside(self, surface: Surface) -> Flags:
+        """Which samples (f, s) lie in the region.
+
+        Raises
+        ------
+        InputError, which names the region, where none does.
+        """
+        inside = np.ones((len(surface.faces), len(surface.at)), dtype=np.bool_)
+        for part in self.parts:
+            inside &= part.holds(surface)
+        if not inside.any():
+            raise InputError(
+                f"expected the region {self.name!r} to catch a part of the surface, got none: {_place(surface)}"
+            )
+        return inside
+
+
+def _place(surface: Surface) -> str:
+    low, high = surface.mesh.points.min(axis=0), surface.mesh.points.max(axis=0)
+    spans = (f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
+    return f"the mesh spans {', '.join(spans)} mm"
+
+
+@dataclass(frozen=True)
+class Side:
+    """A face of a structured mesh (``"u0"`` to ``"w1"``), a node set, or ``"surface"``, all of it."""
+
+    name: str
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold at the nodes of the set, and on the faces that have all their nodes in it."""
+        if self.name == "surface":
+            return np.ones((1, 1), dtype=np.bool_)
+        among = np.zeros(surface.mesh.n_nodes, dtype=np.bool_)
+        among[self._members(surface.mesh)] = True
+        nodes = among[surface.faces]
+        return np.asarray(nodes if surface.weights is None else nodes.all(axis=1, keepdims=True))
+
+    def _members(self, mesh: Mesh) -> NDArray[Any]:
+        if self.name in mesh.node_sets:
+            return mesh.node_sets[self.name]
+        if mesh.structure is not None and self.name in mesh.element.sides:
+            return np.asarray(mesh.boundary(self.name))
+        sides = mesh.element.sides if mesh.structure is not None else ()
+        known = dict.fromkeys(["surface", *mesh.node_sets, *sides])
+        raise InputError(f"expected a region of the load case or one of {', '.join(known)}, got {self.name!r}")
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """What lies in a ball."""
+
+    centre_mm: Vector
+    radius_mm: float
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold up to the radius."""
+        return np.asarray(_distance(surface, self.centre_mm) <= self.radius_mm)
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """What lies on the side of a plane that its normal points to, the plane included."""
+
+    point_mm: Vector
+    normal: Vector
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold beyond the plane, to rounding of the mesh's coordinates."""
+        normal = np.array(self.normal) * surface.axes / np.linalg.norm(self.normal)
+        slack = _rounding(surface)
+        return np.asarray((surface.points_mm - np.array(self.point_mm)) @ normal >= -slack)
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The surface nearest to a point: a disc of a radius about the foot of the point, or as near as fills an area.
+
+    The distance d of the surface from the point is stationary at its foot, so that the disc, all within
+    sqrt(d^2 + radius^2), does not jump with the mesh.
+    """
+
+    point_mm: Vector
+    radius_mm: float | None = None
+    area_mm2: float | None = None
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold near the foot."""
+        distance = _distance(surface, self.point_mm)
+        if self.radius_mm is not None:
+            return np.asarray(distance <= np.hypot(distance.min(), self.radius_mm) + _rounding(surface))
+        if surface.weights is None:  # a node has no area of its own
+            return Patch(self.point_mm, radius_mm=np.sqrt((self.area_mm2 or 0.0) / np.pi)).holds(surface)
+        order = np.argsort(distance, axis=None)
+        filled = np.cumsum(surface.areas_mm2.ravel()[order])
+        last = min(int(np.searchsorted(filled, self.area_mm2 or 0.0)), order.size - 1)
+        return np.asarray(distance <= distance.ravel()[order[last]])
+
+
+@dataclass(frozen=True)
+class Cap:
+    """The end of a body in a direction: what lies within a depth of its outermost point.
+
+    Attributes
+    ----------
+    towards: direction, of any length.
+    depth: mm, or a share of the body's width where ``of_width``: the greater of its extents along x and y.
+    within_deg: how far the outward normal may turn away from the direction, or None for any surface.
+    """
+
+    towards: Vector
+    depth: float
+    of_width: bool = False
+    within_deg: float | None = None
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold between the outermost point and the depth below it."""
+        towards = np.array(self.towards) * surface.axes / np.linalg.norm(self.towards)
+        height = surface.points_mm @ towards
+        top = float((towards @ surface.mesh.planes.astype(np.float64)).max())
+        depth = self.depth * (width_mm(surface.mesh) if self.of_width else 1.0)
+        inside = height >= top - depth - _rounding(surface)
+        if self.within_deg is None:
+            return np.asarray(inside)
+        along = surface.normals @ towards >= np.cos(np.radians(self.within_deg)) * np.linalg.norm(
+            surface.normals, axis=2
+        )
+        return np.asarray(inside & along)
+
+
+def width_mm(mesh: Mesh) -> float:
+    """Greater of a mesh's extents along x and y, mm: of a femur, from its head to its greater trochanter."""
+    return float(np.ptp(mesh.points[:, :2], axis=0).max())
+
+
+def _distance(surface: Surface, point_mm: Sequence[float]) -> Floats:
+    return np.asarray(np.linalg.norm(surface.points_mm - np.array(point_mm), axis=2))
+
+
+def _rounding(surface: Surface) -> float:
+    """What the mesh's coordinates may be off by, mm."""
+    return 4 * float(np.finfo(surface.mesh.points.dtype).eps) * float(np.abs(surface.mesh.points).max())
