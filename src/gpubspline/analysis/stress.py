@@ -1,0 +1,197 @@
+"""Stress of a solved mesh: at its nodes for pictures, and the figures that are compared.
+
+At each node stress is the mean of what its elements extrapolate to it, weighted by their volumes. An element
+extrapolates by the trilinear function nearest to its Gauss values: through all 8 of hex8, by least squares to the 27 of
+hex20 (Hinton and Campbell 1974). Von Mises stress and principal values at nodes are those of that mean. The figures are
+from the Gauss points, where nothing is extrapolated or averaged.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gpubspline.analysis.gauss import COMPONENTS, GaussStress, check_options, gauss_stress, principal, von_mises
+from gpubspline.errors import InputError
+from gpubspline.mesh.elements import ELEMENTS, Element
+from gpubspline.mesh.mesh import Mesh
+
+Floats = NDArray[np.float64]
+
+MAXIMUM = (
+    "greatest von Mises stress at the Gauss points of the elements with no node within {away:.3g} mm of a node that is "
+    "held or carries a force"
+)
+"""What ``max_von_mises_mpa`` is: stress at the rim of a support or of a force grows without end as elements shrink."""
+
+MAXIMUM_ANYWHERE = "greatest von Mises stress at the Gauss points of all elements"
+"""The same where nothing is left out."""
+
+PERCENTILE = "von Mises stress that 99 % of the volume does not exceed, all Gauss points"
+"""What ``p99_von_mises_mpa`` is."""
+
+_ELEMENTS = 1 << 12
+"""Elements at a time, whose planes fit a processor's cache."""
+
+
+@dataclass(frozen=True)
+class StressFigures:
+    """The figures of a solved mesh.
+
+    Attributes
+    ----------
+    max_von_mises_mpa: as ``definition`` says.
+    max_at_mm: (3,) the Gauss point of it.
+    definition: one line.
+    max_anywhere_mpa: at any Gauss point.
+    p99_von_mises_mpa: see ``PERCENTILE``.
+    strain_energy_nmm: integral of the strain energy density, N mm.
+    """
+
+    max_von_mises_mpa: float
+    max_at_mm: Floats
+    definition: str
+    max_anywhere_mpa: float
+    p99_von_mises_mpa: float
+    strain_energy_nmm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Stress:
+    """Stress at nodes, and the figures.
+
+    Attributes
+    ----------
+    stress_mpa: (6, n) xx, yy, zz, xy, yz, xz.
+    energy: (n,) strain energy density, N mm/mm3, never below 0.
+    figures: from the Gauss points.
+    """
+
+    stress_mpa: Floats
+    energy: Floats
+    figures: StressFigures
+
+    def fields(self) -> dict[str, NDArray[Any]]:
+        """Nodal fields (n,) for a mesh: stress, von Mises stress, principal values, strain energy density."""
+        names = ["stress_" + "xyz"[row] + "xyz"[column] + "_mpa" for row, column in COMPONENTS]
+        made = dict(zip(names, self.stress_mpa, strict=True)) | {"von_mises_mpa": von_mises(self.stress_mpa)}
+        made |= {f"principal_{n}_mpa": values for n, values in enumerate(principal(self.stress_mpa), start=1)}
+        return made | {"strain_energy_density": self.energy}
+
+
+@dataclass(eq=False)
+class _Seen:
+    """What is gathered from the elements as they pass."""
+
+    n_nodes: int
+    recovered: Floats = field(init=False)
+    volume: Floats = field(init=False)
+    energy_nmm: float = 0.0
+    best: float = -1.0
+    best_at: Floats = field(default_factory=lambda: np.zeros(3))
+    anywhere: float = 0.0
+    values: list[NDArray[np.float32]] = field(default_factory=list)
+    shares: list[NDArray[np.float32]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.recovered, self.volume = np.zeros((7, self.n_nodes)), np.zeros(self.n_nodes)
+
+    def recover(self, found: GaussStress, nodes: NDArray[np.int32], extrapolation: Floats) -> None:
+        """Add what the elements of ``nodes`` (m, k) extrapolate to them, times their volumes."""
+        volume = found.volume.sum(axis=0)
+        first, last = int(nodes.min()), int(nodes.max()) + 1
+        flat = (nodes.T - first).ravel()
+        for total, values in zip(self.recovered, (*found.stress, found.energy), strict=True):
+            at_nodes = extrapolation @ values * volume
+            total[first:last] += np.bincount(flat, at_nodes.ravel(), last - first)
+        self.volume[first:last] += np.bincount(flat, np.tile(volume, nodes.shape[1]), last - first)
+
+    def judge(self, found: GaussStress, points_mm: Floats, counted: NDArray[np.bool_]) -> None:
+        """See the Gauss values at points (3, g, m); elements that are ``counted`` (m,) may hold the maximum."""
+        values = von_mises(found.stress)
+        self.energy_nmm += float((found.energy * found.volume).sum())
+        self.anywhere = max(self.anywhere, float(values.max()))
+        self.values.append(values.ravel().astype(np.float32))
+        self.shares.append(found.volume.ravel().astype(np.float32))
+        among = np.where(counted, values, -1.0)
+        if among.max() > self.best:
+            g, m = np.unravel_index(int(among.argmax()), among.shape)
+            self.best, self.best_at = float(among[g, m]), points_mm[:, g, m].copy()
+
+    def percentile(self, share: float) -> float:
+        """Value that a share of the volume does not exceed."""
+        values, shares = np.concatenate(self.values), np.concatenate(self.shares)
+        order = np.argsort(values)
+        filled = np.cumsum(shares[order], dtype=np.float64)
+        return float(values[order[min(int(np.searchsorted(filled, share * filled[-1])), order.size - 1)]])
+
+
+def recover(
+    mesh: Mesh,
+    displacement_mm: Floats,
+    *,
+    modulus: str = "graded",
+    formulation: str = "full",
+    gripped: NDArray[np.bool_] | None = None,
+    away_mm: float = 0.0,
+) -> Stress:
+    """Stress of a solved mesh at its nodes, and its figures.
+
+    Arguments
+    ---------
+    mesh: hexes with the nodal fields ``E_MPa`` and ``nu``.
+    displacement_mm: (n, 3) of the nodes.
+    modulus, formulation: those that it was solved with, see ``gauss_stress``.
+    gripped: (n,) bool, nodes that are held or carry a force.
+    away_mm: how far from them the maximum is looked for; everywhere where it is 0.
+
+    Raises
+    ------
+    InputError as ``gauss_stress``, and where no element lies that far away.
+    """
+    check_options(mesh, modulus, formulation)
+    shape, extrapolation = mesh.element.shape(mesh.element.gauss()[0]), extrapolate(mesh.element)
+    near = _near(mesh, gripped, away_mm) if gripped is not None and gripped.any() and away_mm > 0 else None
+    seen = _Seen(mesh.n_nodes)
+    for elements in _slabs(mesh):
+        nodes = mesh.cells_of(elements)
+        found = gauss_stress(mesh, displacement_mm, elements, modulus=modulus, formulation=formulation)
+        seen.recover(found, nodes, extrapolation)
+        points = np.matmul(shape, mesh.planes[:, nodes.T].astype(np.float64))
+        counted = np.ones(len(nodes), dtype=np.bool_) if near is None else np.asarray(~near[nodes].any(axis=1))
+        seen.judge(found, points, counted)
+    if seen.best < 0:
+        raise InputError(f"expected elements further than {away_mm:.3g} mm from supports and forces, got none of them")
+    nodal = seen.recovered / np.where(seen.volume > 0, seen.volume, 1.0)
+    figures = StressFigures(
+        max_von_mises_mpa=seen.best,
+        max_at_mm=seen.best_at,
+        definition=MAXIMUM_ANYWHERE if near is None else MAXIMUM.format(away=away_mm),
+        max_anywhere_mpa=seen.anywhere,
+        p99_von_mises_mpa=seen.percentile(0.99),
+        strain_energy_nmm=seen.energy_nmm,
+    )
+    return Stress(nodal[:6], np.maximum(nodal[6], 0.0), figures)
+
+
+def extrapolate(element: Element) -> Floats:
+    """(k, g) from values at the Gauss points of a hex to its vertices, by the trilinear function nearest to them."""
+    at, weights = element.gauss()
+    linear = ELEMENTS["hex8"]
+    basis = linear.shape(at)
+    fitted = np.linalg.solve(basis.T @ (weights[:, None] * basis), basis.T * weights)
+    return np.asarray(linear.shape(np.array(element.vertices) / 2) @ fitted)
+
+
+def _near(mesh: Mesh, gripped: NDArray[np.bool_], away_mm: float) -> NDArray[np.bool_]:
+    """Which nodes (n,) lie within a distance of those that are gripped."""
+    distance, _ = cKDTree(mesh.points[gripped]).query(mesh.points, distance_upper_bound=away_mm)
+    return np.asarray(np.isfinite(distance))
+
+
+def _slabs(mesh: Mesh) -> Iterator[NDArray[np.int64]]:
+    for first in range(0, mesh.n_elements, _ELEMENTS):
+        yield np.arange(first, min(first + _ELEMENTS, mesh.n_elements))
