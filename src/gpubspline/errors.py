@@ -13,5 +13,9 @@ class BackendUnavailable(GpubsplineError, RuntimeError):
     """A kernel backend or device is not present; the message names what to install."""
 
 
+class SolveError(GpubsplineError, ArithmeticError):
+    """A system of equations was not solved to the accuracy asked for."""
+
+
 class GpubsplineWarning(UserWarning):
     """The result stands, but the user should know something about it."""

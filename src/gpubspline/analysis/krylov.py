@@ -1,0 +1,122 @@
+"""Preconditioned conjugate gradients on a device."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpubspline.device import Buffer, Device
+from gpubspline.errors import SolveError
+
+PARTS = 4096
+"""Partial sums of a product of vectors, added on the host."""
+
+Progress = Callable[[int, float], None]
+Operator = Callable[[Buffer, Buffer], None]
+"""Writes the product with its first argument into its second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Arithmetic of vectors of n numbers on a device."""
+
+    device: Device
+    n: int
+
+    def zeros(self) -> Buffer:
+        """A vector of zeros."""
+        return self.device.put(np.zeros(self.n, dtype=self.device.real))
+
+    def combine(self, x: Buffer, a: float, b: float, y: Buffer) -> None:
+        """Y = a x + b y."""
+        self.device.launch("vectors.combine", self.n, x, float(a), float(b), self.n, y)
+
+    def dot(self, x: Buffer, y: Buffer) -> float:
+        """Product of two vectors, the same each time."""
+        parts = self.device.empty(PARTS)
+        self.device.launch("vectors.dot_parts", PARTS, x, y, self.n, PARTS, parts)
+        return float(self.device.get(parts).sum(dtype=np.float64))
+
+
+def conjugate_gradients(
+    apply: Operator,
+    precondition: Operator,
+    b: Buffer,
+    vectors: Vectors,
+    *,
+    tolerance: float,
+    limit: int,
+    progress: Progress | None = None,
+) -> tuple[Buffer, int, float]:
+    """Solve A x = b for a symmetric positive definite A.
+
+    When the recurrence says that the residual is small enough, the residual itself is taken, and where it is not, the
+    iteration starts again from it. The flexible form lets the preconditioner be of lower precision than the vectors.
+
+    Returns
+    -------
+    x, the number of iterations, and the residual |b - A x| / |b|.
+
+    Raises
+    ------
+    SolveError where the residual does not reach the tolerance.
+
+    Source: Golub and Ye 1999 (the flexible form).
+    """
+    x, size = vectors.zeros(), float(np.sqrt(vectors.dot(b, b)))
+    if size == 0.0:
+        return x, 0, 0.0
+    r, product = vectors.zeros(), vectors.zeros()
+    vectors.combine(b, 1.0, 0.0, r)
+    iterations, residual, before = 0, 1.0, np.inf
+    while residual > tolerance:
+        if not residual < 0.5 * before or iterations >= limit:
+            raise SolveError(
+                f"the solve did not converge: a residual of {residual:.2g} after {iterations} iterations, "
+                f"expected {tolerance:g}"
+            )
+        before = residual
+        iterations = _descend(apply, precondition, x, r, vectors, size, tolerance, iterations, limit, progress)
+        apply(x, product)
+        vectors.combine(b, 1.0, 0.0, r)
+        vectors.combine(product, -1.0, 1.0, r)
+        residual = float(np.sqrt(vectors.dot(r, r))) / size
+    return x, iterations, residual
+
+
+def _descend(
+    apply: Operator,
+    precondition: Operator,
+    x: Buffer,
+    r: Buffer,
+    vectors: Vectors,
+    size: float,
+    tolerance: float,
+    iterations: int,
+    limit: int,
+    progress: Progress | None,
+) -> int:
+    """Iterate until the residual of the recurrence is small enough; gives the number of iterations."""
+    z, p, product = vectors.zeros(), vectors.zeros(), vectors.zeros()
+    precondition(r, z)
+    vectors.combine(z, 1.0, 0.0, p)
+    rho = vectors.dot(r, z)
+    while iterations < limit:
+        apply(p, product)
+        curvature = vectors.dot(p, product)
+        if not (curvature > 0 and np.isfinite(rho)):
+            raise SolveError(f"the stiffness is not positive definite, found after {iterations} iterations")
+        alpha = rho / curvature
+        vectors.combine(p, alpha, 1.0, x)
+        vectors.combine(product, -alpha, 1.0, r)
+        iterations += 1
+        residual = float(np.sqrt(vectors.dot(r, r))) / size
+        if progress is not None:
+            progress(iterations, residual)
+        if residual <= tolerance:
+            break
+        precondition(r, z)
+        beta = -alpha * vectors.dot(z, product) / rho
+        rho = vectors.dot(r, z)
+        vectors.combine(z, 1.0, beta, p)
+    return iterations

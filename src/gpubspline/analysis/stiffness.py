@@ -1,0 +1,205 @@
+"""The stiffness of a mesh of hexes on a device: its product with a displacement, element by element."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gpubspline.device import Buffer, Device
+from gpubspline.errors import InputError
+from gpubspline.mesh.mesh import Mesh
+
+FORMULATIONS = ("full", "incompatible", "bbar")
+"""Of hex8; their numbers are those of the kernels."""
+MODULI = ("graded", "element")
+_CHUNK = 1 << 16
+"""Elements whose modes are inverted at a time, which bounds the memory."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Stiffness:
+    """K of a mesh, which is never formed.
+
+    Attributes
+    ----------
+    device: where it lives.
+    n_nodes, n_elements, n_vertices: n, m and k vertices an element.
+    formulation: position in ``FORMULATIONS``.
+    points: (3, n), mm, from the middle of the mesh.
+    nodes: (k, m) vertices of each element.
+    slopes: (g, k, 3) derivatives of the shape functions at the Gauss points.
+    weights: (g,) of the Gauss points.
+    lame: Lame's lambda and mu, MPa, (g, m) each.
+    inverse_modes: (9, 9, m) of the incompatible modes, else of no meaning.
+    start, slots: (n + 1,) and (k m,) where the elements of each node keep their forces on it.
+    """
+
+    device: Device
+    n_nodes: int
+    n_elements: int
+    n_vertices: int
+    formulation: int
+    points: Buffer
+    nodes: Buffer
+    slopes: Buffer
+    weights: Buffer
+    lame: tuple[Buffer, Buffer]
+    inverse_modes: Buffer
+    start: Buffer
+    slots: Buffer
+    forces: Buffer
+    fluxes: Buffer
+
+    @property
+    def n_points(self) -> int:
+        """Gauss points of an element."""
+        return int(self.weights.size)
+
+    def apply(self, displacement: Buffer, free: Buffer, out: Buffer) -> None:
+        """Write the nodal forces K u (3, n), N, of a displacement u (3, n), mm; 0 where ``free`` (3, n) is 0."""
+        if self.n_vertices == 8:
+            self._hex8_forces(displacement)
+        else:
+            self._fluxes(displacement)
+        self._gather(self.forces, 3, free, out)
+
+    def _hex8_forces(self, displacement: Buffer) -> None:
+        where = (self.points, displacement, self.n_nodes, self.nodes, self.n_elements)
+        how = (*self.lame, self.formulation, self.inverse_modes, self.forces)
+        self.device.launch("elasticity.hex8_forces", self.n_elements, *where, *how)
+
+    def _fluxes(self, displacement: Buffer) -> None:
+        where = (self.points, displacement, self.n_nodes, self.nodes, self.n_vertices, self.n_elements)
+        how = (self.slopes, self.weights, self.n_points, *self.lame, self.fluxes)
+        self.device.launch("elasticity.fluxes", self.n_elements, *where, *how)
+        counts = (self.n_points, self.n_vertices, self.n_elements)
+        launched = (self.n_vertices, self.n_elements)
+        self.device.launch("elasticity.flux_forces", launched, self.fluxes, self.slopes, *counts, self.forces)
+
+    def _gather(self, values: Buffer, components: int, free: Buffer, out: Buffer) -> None:
+        count = self.n_vertices * self.n_elements
+        where = (self.start, self.slots, free, self.n_nodes, out)
+        self.device.launch("elasticity.gather", self.n_nodes, values, components, count, *where)
+
+    def inverse_blocks(self, free: Buffer) -> Buffer:
+        """Inverse (6, n) of each node's own stiffness, 0 where it is not free; the first preconditioner."""
+        values = self.device.empty(6 * self.n_vertices * self.n_elements)
+        where = (self.points, self.n_nodes, self.nodes, self.n_vertices, self.n_elements)
+        how = (self.slopes, self.weights, self.n_points, *self.lame, values)
+        self.device.launch("elasticity.own_stiffness", (self.n_vertices, self.n_elements), *where, *how)
+        blocks, inverse = self.device.empty(6 * self.n_nodes), self.device.empty(6 * self.n_nodes)
+        self._gather(values, 6, self.device.put(np.ones(6 * self.n_nodes)), blocks)
+        self.device.launch("elasticity.invert_blocks", self.n_nodes, blocks, free, self.n_nodes, inverse)
+        return inverse
+
+
+def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: str = "full") -> Stiffness:
+    """Bring a mesh of hexes with its nodal fields ``E_MPa`` and ``nu`` to a device.
+
+    Arguments
+    ---------
+    modulus: ``"graded"``, nodal values interpolated by the shape functions (Kim and Paulino 2002), or ``"element"``,
+        the mean of each element's nodes throughout it.
+    formulation: of hex8: ``"full"`` integration, ``"incompatible"`` modes, which bend freely, or ``"bbar"``, the mean
+        dilatation, for nearly incompressible material.
+
+    Raises
+    ------
+    InputError where the mesh has no material, an impossible one or an inverted element, or an option is unknown.
+    """
+    _check(mesh, modulus, formulation)
+    cells, element = mesh.cells, mesh.element
+    at, weights = element.gauss()
+    nodes = device.put(np.ascontiguousarray(cells.T))
+    points = device.put((mesh.planes - mesh.planes.mean(axis=1, dtype=np.float64)[:, None]).astype(np.float64))
+    slopes = device.put(np.ascontiguousarray(element.gradient(at).transpose(1, 2, 0)))
+    _check_jacobians(mesh, device, points, nodes, slopes, len(weights))
+    lame = [device.put(values) for values in lame_moduli(mesh, element.shape(at), modulus)]
+    start, slots = _slots(cells, mesh.n_nodes)
+    modes = device.empty(1)
+    if formulation == "incompatible":
+        modes = _inverse_modes(device, points, mesh.n_nodes, nodes, mesh.n_elements, lame)
+    return Stiffness(
+        device=device,
+        n_nodes=mesh.n_nodes,
+        n_elements=mesh.n_elements,
+        n_vertices=element.n_nodes,
+        formulation=FORMULATIONS.index(formulation),
+        points=points,
+        nodes=nodes,
+        slopes=slopes,
+        weights=device.put(weights),
+        lame=(lame[0], lame[1]),
+        inverse_modes=modes,
+        start=device.put(start),
+        slots=device.put(slots),
+        forces=device.empty(3 * cells.size),
+        fluxes=device.empty(1 if element.n_nodes == 8 else 9 * len(weights) * mesh.n_elements),
+    )
+
+
+def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
+    if mesh.element.dimension != 3 or mesh.n_elements == 0:
+        raise InputError(f"expected a mesh of hexes to solve, got {mesh.n_elements} {mesh.element_type}")
+    if modulus not in MODULI:
+        raise InputError(f"expected a modulus of {' or '.join(MODULI)}, got {modulus!r}")
+    if formulation not in FORMULATIONS:
+        raise InputError(f"expected a formulation of {', '.join(FORMULATIONS)}, got {formulation!r}")
+    if formulation != "full" and mesh.element_type != "hex8":
+        raise InputError(f"expected hex8 for the formulation {formulation!r}, got {mesh.element_type}")
+    missing = [name for name in ("E_MPa", "nu") if name not in mesh.fields]
+    if missing:
+        raise InputError(f"expected a mesh with a material, got one without {' and '.join(missing)}")
+    least, nu = float(np.min(mesh.fields["E_MPa"])), mesh.fields["nu"]
+    if not (least > 0 and np.all(np.isfinite(mesh.fields["E_MPa"]))):
+        raise InputError(f"expected positive moduli, got a least of {least:g} MPa")
+    if not (np.min(nu) > -1 and np.max(nu) < 0.5):
+        raise InputError(f"expected Poisson's ratios above -1 and below 0.5, got {np.min(nu):g} to {np.max(nu):g}")
+    numbers = 24 if mesh.element.order == 1 else 9 * 27
+    if numbers * mesh.n_elements >= 2**31:
+        raise InputError(f"expected fewer elements than a 32-bit number counts, got {mesh.n_elements:,}")
+
+
+def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, slopes: Buffer, n_points: int) -> None:
+    out = device.empty((n_points, mesh.n_elements))
+    where = (points, mesh.n_nodes, nodes, mesh.element.n_nodes, mesh.n_elements)
+    device.launch("elasticity.jacobians", mesh.n_elements, *where, slopes, n_points, out)
+    bad = np.flatnonzero(~(device.get(out).min(axis=0) > 0))
+    if len(bad):
+        raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0]}")
+
+
+def lame_moduli(mesh: Mesh, shape: Floats, modulus: str) -> tuple[Floats, Floats]:
+    """Lame's lambda and mu, MPa, (points, m) each, where the shape functions are ``shape`` (points, k)."""
+    values = []
+    for name in ("E_MPa", "nu"):
+        nodal = np.asarray(mesh.fields[name], dtype=np.float64)[mesh.cells]
+        if modulus == "element":
+            nodal[:] = nodal.mean(axis=1, keepdims=True)
+        values.append(np.ascontiguousarray(shape @ nodal.T))
+    e, nu = values
+    return e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+
+
+def _slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Where each node finds what its elements give it, in the (k, m) order of elements' vertices."""
+    vertices = cells.T.ravel()
+    columns = np.arange(vertices.size, dtype=np.int32)
+    table = sparse.coo_array(
+        (np.ones(vertices.size, dtype=np.int8), (vertices, columns)), shape=(n_nodes, vertices.size)
+    ).tocsr()
+    return table.indptr.astype(np.int32), table.indices.astype(np.int32)
+
+
+def _inverse_modes(device: Device, points: Buffer, n: int, nodes: Buffer, m: int, lame: list[Buffer]) -> Buffer:
+    modes = device.empty((81, m))
+    device.launch("elasticity.hex8_modes", m, points, n, nodes, m, *lame, modes)
+    values = np.array(device.get(modes))
+    for begin in range(0, m, _CHUNK):
+        part = values[:, begin : begin + _CHUNK].T.reshape(-1, 9, 9)
+        values[:, begin : begin + _CHUNK] = np.linalg.inv(part).reshape(-1, 81).T
+    return device.put(values)

@@ -1,0 +1,321 @@
+"""Displacements: patch tests, rigid motions, closed forms, then scikit-fem and CalculiX on the same mesh."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpubspline.analysis.elasticity import solve
+from gpubspline.analysis.stiffness import stiffness
+from gpubspline.errors import InputError, SolveError
+from gpubspline.mesh import structure
+from gpubspline.mesh.elements import ELEMENTS
+from gpubspline.mesh.mesh import Mesh
+
+FORMS = [("hex8", "full"), ("hex8", "incompatible"), ("hex8", "bbar"), ("hex20", "full"), ("hex27", "full")]
+E, NU = 1000.0, 0.3
+
+
+def parameters(element_type, counts):
+    """Parameters (n, 3) in 0..1 of the nodes of a structured mesh."""
+    element = ELEMENTS[element_type]
+    axes = [np.linspace(0, 1, n) for n in structure.lattice_counts(element, counts)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3, order="F")
+    kept = structure.has_node(element, counts)
+    return grid if kept is None else grid[kept]
+
+
+def box(element_type, counts, sizes_mm=(1.0, 1.0, 1.0), jitter=0.0, modulus=None):
+    """A box of nodes, those inside moved by up to ``jitter``; the modulus a function of the place (n, 3)."""
+    at = parameters(element_type, counts)
+    points = at * sizes_mm
+    inside = np.all((at > 1e-9) & (at < 1 - 1e-9), axis=1)
+    points += inside[:, None] * np.random.default_rng(0).uniform(-jitter, jitter, points.shape)
+    values = np.full(len(points), E) if modulus is None else modulus(points)
+    mesh = Mesh(points, element_type, structure=counts, fields={"E_MPa": values, "nu": np.full(len(points), NU)})
+    return replace(mesh, node_sets={side: np.unique(mesh.boundary(side)) for side in mesh.element.sides})
+
+
+def explicit(mesh):
+    return replace(mesh, structure=None, connectivity=mesh.cells)
+
+
+def graded(x):
+    return E * (1 + x[:, 0] + 3 * x[:, 2] ** 2 + 0.5 * np.sin(4 * x[:, 1]))
+
+
+def held(mesh, side, directions=(0, 1, 2)):
+    fixed = np.zeros((mesh.n_nodes, 3), dtype=bool)
+    for direction in directions:
+        fixed[mesh.node_sets[side], direction] = True
+    return fixed
+
+
+@pytest.mark.parametrize("table", [False, True], ids=["structured", "explicit"])
+@pytest.mark.parametrize(("element_type", "formulation"), FORMS)
+def test_patch_of_distorted_elements_is_exact(element_type, formulation, table, device64):
+    """A linear displacement on the boundary goes on inside, 1e-10; its energy is that of the constant strain."""
+    mesh = box(element_type, (4, 3, 4), jitter=0.04)
+    gradient = np.random.default_rng(1).normal(size=(3, 3)) * 0.01
+    expected = mesh.points @ gradient.T
+    at = parameters(element_type, (4, 3, 4))
+    fixed = np.repeat(np.any((at < 1e-9) | (at > 1 - 1e-9), axis=1)[:, None], 3, axis=1)
+    assert not fixed.all()
+    mesh = explicit(mesh) if table else mesh
+    nothing = np.zeros((mesh.n_nodes, 3))
+    how = {"formulation": formulation, "tolerance": 1e-13, "device": device64}
+    solution = solve(mesh, fixed, nothing, prescribed_mm=expected, **how)
+    assert np.abs(solution.displacement_mm - expected).max() < 1e-10 * np.abs(expected).max()
+    strain = (gradient + gradient.T) / 2
+    energy = E * NU / (1 + NU) / (1 - 2 * NU) * np.trace(strain) ** 2 / 2 + E / 2 / (1 + NU) * np.sum(strain**2)
+    assert solution.strain_energy_nmm == pytest.approx(energy, rel=1e-10)
+
+
+@pytest.mark.parametrize(("element_type", "formulation"), FORMS)
+def test_rigid_motions_cost_no_force(element_type, formulation, any_device):
+    """Six motions of a graded, distorted mesh: 1e-12 of the forces of a strain as large, 1e-5 in float32."""
+    mesh = box(element_type, (4, 3, 4), jitter=0.04, modulus=graded)
+    k = stiffness(mesh, any_device, formulation=formulation)
+    x, y, z = mesh.points.T - 0.5
+    none, one = 0 * x, 1 + 0 * x
+    motions = [(one, none, none), (none, one, none), (none, none, one), (none, -z, y), (z, none, -x), (-y, x, none)]
+    free, out = any_device.put(np.ones(3 * mesh.n_nodes)), any_device.empty(3 * mesh.n_nodes)
+
+    def force(motion):
+        k.apply(any_device.put(np.concatenate(motion)), free, out)
+        return np.abs(any_device.get(out)).max()
+
+    size = force((x, none, none))
+    tolerance = 1e-12 if any_device.real == np.float64 else 1e-5
+    assert all(force(motion) < tolerance * size for motion in motions)
+
+
+@pytest.mark.parametrize(("element_type", "formulation"), FORMS)
+def test_the_stiffness_is_symmetric(element_type, formulation, device64):
+    """v K u = u K v for any two displacements, 1e-12."""
+    mesh = box(element_type, (3, 4, 3), jitter=0.05, modulus=graded)
+    k = stiffness(mesh, device64, formulation=formulation)
+    free, out = device64.put(np.ones(3 * mesh.n_nodes)), device64.empty(3 * mesh.n_nodes)
+    u, v = np.random.default_rng(2).normal(size=(2, 3 * mesh.n_nodes))
+    products = []
+    for a, b in ((u, v), (v, u)):
+        k.apply(device64.put(a), free, out)
+        products.append(float(b @ device64.get(out)))
+    assert products[0] == pytest.approx(products[1], rel=1e-11)
+
+
+@pytest.mark.parametrize("modulus", ["graded", "element"])
+@pytest.mark.parametrize("element_type", ["hex8", "hex20"])
+def test_a_bar_graded_along_its_length(element_type, modulus, device64):
+    """Strain F / (E(z) A), E linear: F = A u E' / ln(E1 / E0), approached at the order of the element or faster."""
+    errors = []
+    for n in (5, 9):
+        mesh = box(element_type, (2, 2, n), (2.0, 2.0, 12.0), modulus=lambda x: 100.0 + 50.0 * x[:, 2])
+        mesh = mesh.with_fields({"nu": np.zeros(mesh.n_nodes)})
+        fixed = held(mesh, "u0", [0]) | held(mesh, "v0", [1]) | held(mesh, "w0", [2]) | held(mesh, "w1", [2])
+        moved = np.zeros((mesh.n_nodes, 3))
+        moved[mesh.node_sets["w1"], 2] = 0.1
+        solution = solve(mesh, fixed, 0 * moved, prescribed_mm=moved, modulus=modulus, device=device64)
+        force = solution.reactions_n[mesh.node_sets["w1"], 2].sum()
+        errors.append(abs(force / (4 * 0.1 * 50 / np.log(700 / 100)) - 1))
+    order = np.log2(errors[0] / errors[1])
+    assert order > (3 if element_type == "hex20" and modulus == "graded" else 1.5)
+    assert errors[1] < 0.02
+
+
+def test_incompatible_modes_bend_freely(device64):
+    """A cantilever one element thick, 10 times as long as thick: F l^3 / 3 E I + shear, 1 %; full integration locks."""
+    mesh = box("hex8", (11, 2, 2), (10.0, 1.0, 1.0))
+    mesh = mesh.with_fields({"nu": np.zeros(mesh.n_nodes)})
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["u1"], 2] = 0.25
+    tips = []
+    for formulation in ("full", "incompatible"):
+        solution = solve(mesh, held(mesh, "u0"), forces, formulation=formulation, device=device64)
+        tips.append(solution.displacement_mm[mesh.node_sets["u1"], 2].mean())
+    expected = 10.0**3 / (3 * E / 12) + 1.2 * 10 / (E / 2)
+    assert tips[1] == pytest.approx(expected, rel=0.01)
+    assert tips[0] < 0.75 * expected
+
+
+def test_mean_dilatation_does_not_lock_when_nearly_incompressible(device64):
+    """A plane-strain bend at nu = 0.4999: full integration is several times as stiff as the mean dilatation."""
+    mesh = box("hex8", (9, 2, 9), (4.0, 0.5, 4.0))
+    mesh = mesh.with_fields({"nu": np.full(mesh.n_nodes, 0.4999)})
+    fixed = held(mesh, "w0") | held(mesh, "v0", [1]) | held(mesh, "v1", [1])
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"], 0] = 1.0
+    tips = [
+        solve(mesh, fixed, forces, formulation=name, device=device64).displacement_mm[:, 0].max()
+        for name in ("full", "bbar")
+    ]
+    assert tips[1] > 1.3 * tips[0]
+
+
+@pytest.mark.parametrize("element_type", ["hex8", "hex20"])
+def test_reactions_balance_the_loads(element_type, device):
+    """Of a solve on a device of float32: forces and moments, 1e-6."""
+    mesh = box(element_type, (4, 5, 6), (2.0, 3.0, 4.0), jitter=0.1, modulus=graded)
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"]] = np.random.default_rng(3).normal(size=(len(mesh.node_sets["w1"]), 3))
+    solution = solve(mesh, held(mesh, "w0"), forces, device=device)
+    assert solution.residual < 1e-8
+    total = solution.reactions_n + forces
+    np.testing.assert_allclose(total.sum(axis=0), 0, atol=1e-6 * np.abs(forces).sum())
+    np.testing.assert_allclose(np.cross(mesh.points, total).sum(axis=0), 0, atol=1e-5 * np.abs(forces).sum())
+    assert solution.strain_energy_nmm == pytest.approx(np.sum(forces * solution.displacement_mm) / 2, rel=1e-6)
+
+
+def reference_displacement(mesh, fixed, forces):
+    """The same system by scikit-fem, solved directly."""
+    skfem = pytest.importorskip("skfem")
+    from scipy.spatial import cKDTree
+    from skfem.helpers import ddot, eye, sym_grad, trace
+    from skfem.io.meshio import from_meshio
+
+    corners = Mesh(mesh.points, "hex8", connectivity=mesh.cells[:, :8])
+    used, numbers = np.unique(corners.cells, return_inverse=True)
+    corners = Mesh(mesh.points[used], "hex8", connectivity=numbers.reshape(-1, 8))
+    grid = from_meshio(corners.to_meshio())
+    kind = {"hex8": skfem.ElementHex1, "hex20": skfem.ElementHexS2}[mesh.element_type]()
+    basis = skfem.Basis(grid, skfem.ElementVector(kind), intorder=2 * mesh.element.order + 1)
+    scalar = basis.with_element(kind)
+    away, node = cKDTree(mesh.points).query(scalar.doflocs.T)
+    assert away.max() < 1e-9
+
+    @skfem.BilinearForm
+    def form(u, v, w):
+        strain = sym_grad(u)
+        lam = w["e"] * w["nu"] / (1 + w["nu"]) / (1 - 2 * w["nu"])
+        return ddot(lam * eye(trace(strain), 3) + w["e"] / (1 + w["nu"]) * strain, sym_grad(v))
+
+    fields = {name: scalar.interpolate(mesh.fields[of][node]) for name, of in (("e", "E_MPa"), ("nu", "nu"))}
+    away, node = cKDTree(mesh.points).query(basis.doflocs.T)
+    direction = np.empty(basis.N, dtype=int)
+    for dofs in (basis.nodal_dofs, basis.edge_dofs[: 3 * (mesh.element.order - 1)]):
+        direction[dofs.ravel()] = np.repeat(np.arange(dofs.shape[0]) % 3, dofs.shape[1])
+    system = skfem.condense(
+        form.assemble(basis, **fields), forces[node, direction], D=fixed[node, direction].nonzero()[0]
+    )
+    found = np.zeros((mesh.n_nodes, 3))
+    found[node, direction] = skfem.solve(*system)
+    return found
+
+
+@pytest.mark.parametrize("element_type", ["hex8", "hex20"])
+def test_agrees_with_scikit_fem(element_type, device64):
+    """A distorted box of graded material, modulus and Poisson's ratio: 1e-8 of the largest displacement."""
+    mesh = box(element_type, (5, 4, 6), (2.0, 3.0, 4.0))
+    x, y, z = mesh.points.T  # trilinear in each element, so that edges stay straight
+    at = parameters(element_type, (5, 4, 6))
+    bend = np.interp(at[:, 2], np.linspace(0, 1, 6), [0, 0.3, 0.1, 0.4, 0.2, 0])
+    points = np.stack([x + bend, y + 0.5 * bend, z], axis=1)
+    nu = 0.2 + 0.2 * at[:, 1] ** 2
+    mesh = replace(mesh, points=points, fields={"E_MPa": graded(points), "nu": nu})
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"]] = np.random.default_rng(3).normal(size=(len(mesh.node_sets["w1"]), 3))
+    expected = reference_displacement(mesh, held(mesh, "w0"), forces)
+    found = solve(mesh, held(mesh, "w0"), forces, tolerance=1e-11, device=device64).displacement_mm
+    assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
+
+
+def calculix_displacement(mesh, kind, fixed, forces, folder):
+    """The same system by CalculiX, each element with its own mean modulus; five to seven digits are printed."""
+    cells, vertices = mesh.cells + 1, mesh.cells.shape[1]
+    order = list(range(8)) if vertices == 8 else [*range(12), *range(12, 20)]
+    lines = ["*NODE, NSET=all"]
+    lines += [f"{i + 1},{x:.17g},{y:.17g},{z:.17g}" for i, (x, y, z) in enumerate(mesh.points)]
+    for number, row in enumerate(cells[:, order]):
+        lines.append(f"*ELEMENT, TYPE={kind}, ELSET=e{number}")
+        numbers = [str(number + 1), *map(str, row)]
+        lines += [",".join(numbers[i : i + 10]) + "," for i in range(0, len(numbers) - 10, 10)]
+        lines.append(",".join(numbers[len(range(0, len(numbers) - 10, 10)) * 10 :]))
+    for number, row in enumerate(mesh.cells):
+        modulus, nu = mesh.fields["E_MPa"][row].mean(), mesh.fields["nu"][row].mean()
+        lines += [f"*MATERIAL, NAME=m{number}", "*ELASTIC", f"{modulus:.17g},{nu:.17g}"]
+        lines.append(f"*SOLID SECTION, ELSET=e{number}, MATERIAL=m{number}")
+    lines.append("*BOUNDARY")
+    lines += [f"{node + 1},{direction + 1}" for node, direction in np.argwhere(fixed)]
+    lines += ["*STEP", "*STATIC", "*CLOAD"]
+    lines += [f"{node + 1},{d + 1},{forces[node, d]:.17g}" for node, d in np.argwhere(forces)]
+    lines += ["*NODE PRINT, NSET=all", "U", "*END STEP"]
+    (folder / "model.inp").write_text("\n".join(lines) + "\n")
+    done = subprocess.run(["ccx", "-i", "model"], cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0 and "*ERROR" not in done.stdout, done.stdout[-2000:]
+    rows = re.findall(r"^\s+(\d+)((?:\s+-?\d\.\d+E[+-]\d+){3})\s*$", (folder / "model.dat").read_text(), re.M)
+    found = np.zeros((mesh.n_nodes, 3))
+    for number, values in rows:
+        found[int(number) - 1] = [float(v) for v in values.split()]
+    return found
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
+@pytest.mark.parametrize(("kind", "formulation"), [("C3D8", "full"), ("C3D8I", "incompatible"), ("C3D20", "full")])
+def test_agrees_with_calculix(kind, formulation, tmp_path, device64):
+    """Distorted, each element of its own modulus: 1e-6 of the largest displacement, the digits that it prints.
+
+    C3D8I leaves out the ratio of determinants in its modes, with which ours pass the patch test: the two are the same
+    where elements are parallelepipeds.
+    """
+    jitter = 0.0 if kind == "C3D8I" else 0.05
+    mesh = box("hex20" if kind == "C3D20" else "hex8", (4, 4, 5), (2.0, 3.0, 4.0), jitter=jitter, modulus=graded)
+    mesh = replace(mesh, points=mesh.points + np.outer(mesh.points[:, 2], [0.3, 0.2, 0.0]))
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"]] = [1.0, 2.0, -3.0]
+    expected = calculix_displacement(mesh, kind, held(mesh, "w0"), forces, tmp_path)
+    how = {"modulus": "element", "formulation": formulation, "tolerance": 1e-11, "device": device64}
+    found = solve(mesh, held(mesh, "w0"), forces, **how).displacement_mm
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+def test_bad_input_is_one_line(device64):
+    mesh = box("hex8", (3, 3, 3))
+    nothing, fixed = np.zeros((mesh.n_nodes, 3)), held(mesh, "w0")
+    flat = mesh.fields
+
+    def message(mesh=mesh, fixed=fixed, forces=nothing, **options):
+        with pytest.raises(InputError) as caught:
+            solve(mesh, fixed, forces, device=device64, **options)
+        return str(caught.value)
+
+    assert "without nu" in message(replace(mesh, fields={"E_MPa": flat["E_MPa"]}))
+    assert "positive moduli" in message(mesh.with_fields({"E_MPa": 0 * flat["E_MPa"]}))
+    assert "below 0.5" in message(mesh.with_fields({"nu": 0 * flat["nu"] + 0.5}))
+    assert "6 of 6 rigid motions" in message(fixed=np.zeros_like(fixed))
+    assert "3 of 6 rigid motions" in message(fixed=held(mesh, "w0", [2]))
+    moved = mesh.points.copy()
+    moved[13] += [0.9, 0.0, 0.0]
+    assert "inverted element" in message(replace(mesh, points=moved))
+    assert "finite forces" in message(forces=nothing * np.nan)
+    assert "shape" in message(forces=nothing[1:])
+    assert "formulation" in message(formulation="reduced")
+    assert "hexes" in message(Mesh(mesh.points[:9], "quad4", structure=(3, 3)), fixed[:9], nothing[:9])
+    two = Mesh(
+        np.concatenate([mesh.points, mesh.points + 5]),
+        "hex8",
+        connectivity=np.concatenate([mesh.cells, mesh.cells + 27]),
+    )
+    two = two.with_fields({name: np.tile(values, 2) for name, values in flat.items()})
+    lower = np.concatenate([fixed, np.zeros_like(fixed)])
+    assert "6 of 6" in message(two, lower, np.zeros((54, 3)))
+
+
+def test_a_solve_that_does_not_converge_is_an_error(device64):
+    mesh = box("hex8", (5, 5, 5), modulus=graded)
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"], 0] = 1.0
+    with pytest.raises(SolveError, match="did not converge"):
+        solve(mesh, held(mesh, "w0"), forces, tolerance=1e-30, device=device64)
+
+
+def test_progress_shows_the_residual(device64):
+    mesh = box("hex8", (4, 4, 4))
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"], 0] = 1.0
+    seen = []
+    solution = solve(mesh, held(mesh, "w0"), forces, device=device64, progress=lambda *row: seen.append(row))
+    assert [number for number, _ in seen] == list(range(1, solution.iterations + 1))
+    assert seen[-1][1] <= 1e-8 < seen[-2][1]
