@@ -1,16 +1,26 @@
 """Devices: names, errors, and one mesh from both backends."""
 
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gpubspline.clock import Clock
+from gpubspline.ct.region import Region
 from gpubspline.device import Device, list_devices, open_device
 from gpubspline.errors import BackendUnavailable, InputError
+from gpubspline.material.mapping import apply_material
 from gpubspline.material.registry import law
+from gpubspline.mesh.distance import distances
+from gpubspline.mesh.quality import assess, scaled_jacobian
+from gpubspline.mesh.sample import sample
 from gpubspline.pipeline import fit_patch, sample_patch
 from gpubspline.recipe import Sampling, Shaping, Source
+from gpubspline.spline.hyperpatch import hyperpatch
+
+AFFINE = np.diag([100.0, 100.0, 100.0, 1.0])
 
 
 @pytest.mark.parametrize("slice_index", [None, 6, 24])
@@ -64,3 +74,26 @@ def test_buffers_come_back_as_they_went(any_device: Device) -> None:
     numbers = any_device.put(np.arange(6).reshape(2, 3))
     assert any_device.put(numbers) is numbers
     assert np.array_equal(any_device.get(numbers), np.arange(6)) and any_device.get(numbers).dtype == np.int32
+
+
+def test_opencl_drives_a_gpu_as_it_does_a_cpu(both_devices: tuple[Device, ...]) -> None:
+    """The way of a GPU, one lane, padded groups and copies, gone on the CPU: kernels must not tell the difference."""
+    cpu = both_devices[1]
+    gpu = copy(cpu)
+    gpu.__dict__.update(_is_cpu=False, _lanes=1, _kernels={})
+    gpu.__dict__.pop("_options", None)
+    control = np.random.default_rng(0).uniform(-50, 50, (6, 7, 8, 4))
+    control[..., :3] += 100 * np.stack(np.meshgrid(*map(np.arange, (6, 7, 8)), indexing="ij"), axis=-1)
+    control[..., 3] += 300
+    made = []
+    for device in (cpu, gpu):
+        mesh = sample(hyperpatch(control), (19, 14, 11), device=device)
+        mesh, _ = apply_material(mesh, device=device)
+        mesh, quality = assess(mesh, device)
+        explicit = scaled_jacobian(replace(mesh, structure=None, connectivity=mesh.cells), device)
+        grid = Region(
+            np.ones((5, 6, 7), dtype=bool), np.random.default_rng(1).random((5, 6, 7), dtype=np.float32), AFFINE
+        )
+        made.append((mesh.points, mesh.fields["E_MPa"], quality.counts, explicit, distances(mesh, grid, device)[0]))
+    for one, other in zip(*made, strict=True):
+        assert np.allclose(one, other, rtol=1e-5, atol=1e-5)
