@@ -12,6 +12,11 @@ from gpubspline.errors import GpubsplineWarning as GpubsplineWarning
 from gpubspline.errors import InputError as InputError
 
 if TYPE_CHECKING:
+    from gpubspline.analysis.elasticity import solve as solve
+    from gpubspline.analysis.load_case import load_case as load_case
+    from gpubspline.analysis.load_case import load_cases as load_cases
+    from gpubspline.analysis.loads import assemble as assemble
+    from gpubspline.analysis.response import respond as respond
     from gpubspline.ct.image import read_volume as read_volume
     from gpubspline.ct.masks import read_mask as read_mask
     from gpubspline.ct.phantom import phantom as phantom
@@ -47,6 +52,10 @@ if TYPE_CHECKING:
     from gpubspline.spline.model import save_model as save_model
 
 _HOME = {
+    "analysis.elasticity": ("solve",),
+    "analysis.load_case": ("load_case", "load_cases"),
+    "analysis.loads": ("assemble",),
+    "analysis.response": ("respond",),
     "ct.image": ("read_volume",),
     "ct.masks": ("read_mask",),
     "ct.phantom": ("phantom",),

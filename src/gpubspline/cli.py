@@ -15,6 +15,7 @@ from gpubspline.options import (
     ReadOptions,
     RegionOptions,
     RunOptions,
+    SolveOptions,
     SplineOptions,
     flattened,
 )
@@ -147,6 +148,62 @@ def quality(
     if histogram:
         write_histogram(judged, histogram)
     run.say(describe.quality_lines(found, judged) + describe.wrote(written))
+
+
+@app.command()
+@flattened
+def solve(
+    source: Annotated[
+        list[Path],
+        typer.Argument(metavar="MESH|INPUT...", help="mesh with E_MPa and nu; model file; or CT", show_default=False),
+    ],
+    wanted: SolveOptions,
+    read: ReadOptions,
+    region: RegionOptions,
+    spline: SplineOptions,
+    sampled: MeshOptions,
+    run: RunOptions,
+) -> None:
+    """Solve a mesh under a load case: displacement, reactions and stress."""
+    from gpubspline import describe
+    from gpubspline.analysis.response import respond
+
+    case, device = wanted.case(source), run.open()
+    with run.clock() as clock:
+        solid = _solid(source, read, region, spline, sampled, device, clock)
+        response = respond(solid, case, device, clock, **wanted.how())
+        figures = response.figures() | {"backend": device.backend, "device": device.label}
+        wanted.write(response, figures, clock)
+    run.say([*describe.response_lines(figures), *describe.wrote(wanted.paths)])
+
+
+def _solid(
+    source: list[Path],
+    read: ReadOptions,
+    region: RegionOptions,
+    spline: SplineOptions,
+    sampled: MeshOptions,
+    device: Any,
+    clock: Any,
+) -> Any:
+    """Read a mesh file, or make the mesh of a model file or a CT."""
+    from gpubspline import pipeline
+    from gpubspline.export import can_read, read_mesh
+    from gpubspline.spline.model import load_model
+
+    if can_read(source[0]):
+        plain = (ReadOptions(), RegionOptions(), SplineOptions(), MeshOptions())
+        if len(source) > 1 or (read, region, spline, sampled) != plain:
+            raise InputError(f"expected one mesh file, without options that make a mesh, got {source[0].name} and more")
+        with clock.stage("read"):
+            return read_mesh(source[0])
+    if source[0].suffix == ".npz":
+        with clock.stage("read"):
+            patch = load_model(source[0])
+    else:
+        shaping = spline.shaping(3 if region.slice_index is None else 2)
+        patch = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock).fit.patch
+    return pipeline.sample_patch(patch, sampled.sampling(), device, clock).mesh
 
 
 @app.command()

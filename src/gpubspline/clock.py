@@ -20,3 +20,6 @@ class Clock:
 
     def advance(self, done: int, total: int) -> None:
         """Tell how far the present stage is."""
+
+    def tell(self, words: str) -> None:
+        """Say something of the present stage in a few words."""

@@ -1,5 +1,6 @@
 """What the command line says of a volume, a patch, a mesh, a law and a run: lines of text."""
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from gpubspline.mesh.quality import Quality
 from gpubspline.report.histogram import text_histogram
 from gpubspline.spline.fit import FitError
 from gpubspline.spline.hyperpatch import Hyperpatch
+
+_UNDER = 11 * " "
 
 
 def volume_lines(volume: Volume) -> list[str]:
@@ -130,6 +133,39 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
             f"({law['range_hu'][0]:.0f} to {law['range_hu'][1]:.0f} HU): {law['out_of_range_policy']}"
         )
     return [*lines, f"ran on     {figures['backend']}, {figures['device']}, {figures['seconds']['total']:.1f} s"]
+
+
+def response_lines(figures: dict[str, Any]) -> list[str]:
+    """What a load case did to a mesh: where it acts, the solve, displacement, stress and what its maximum is."""
+    case = figures["load_case"]
+    lines = [
+        f"mesh       {figures['elements']:,} {figures['element_type']}, {figures['nodes']:,} nodes",
+        f"load       {case['name']}" + (f": {case['title']}" if case["title"] else ""),
+    ]
+    for part in figures["regions"]:
+        at = ", ".join(f"{x:.1f}" for x in part["centre_mm"])
+        what = "fixed" if part["kind"] == "fixed" else f"{part['kind']} {_vector(part['force_n'])} N"
+        area = f"{part['area_mm2']:,.0f} mm2" if part["area_mm2"] else f"{part['nodes']:,} nodes"
+        lines.append(f"{_UNDER}{part['region']}: {what} on {area} about {at} mm")
+    at = ", ".join(f"{x:.1f}" for x in figures["max_von_mises_at_mm"])
+    return [
+        *lines,
+        f"solved     {figures['unknowns']:,} unknowns in {figures['iterations']:,} iterations, "
+        f"residual {figures['residual']:.1e}",
+        f"balance    applied {_vector(figures['applied_n'])} N, reaction {_vector(figures['reaction_n'])} N",
+        f"moved      at most {figures['max_displacement_mm']:.4g} mm; strain energy "
+        f"{figures['strain_energy_nmm']:.5g} N mm",
+        f"stress     von Mises at most {figures['max_von_mises_mpa']:.5g} MPa, at {at} mm;",
+        f"{_UNDER}{figures['p99_von_mises_mpa']:.5g} MPa is not exceeded by 99 % of the volume",
+        *textwrap.wrap(
+            f"at most: the {figures['max_von_mises_is']}", 108, initial_indent=_UNDER, subsequent_indent=_UNDER
+        ),
+        f"ran on     {figures['backend']}, {figures['device']}, {figures['seconds']['total']:.1f} s",
+    ]
+
+
+def _vector(values: list[float]) -> str:
+    return "(" + ", ".join(f"{round(value, 2) + 0.0:.6g}" for value in values) + ")"
 
 
 def _by(values: Any, form: str = "") -> str:

@@ -54,3 +54,9 @@ class ShownClock(Clock):
         """Move the bar of the present stage."""
         if self._task is not None:
             self._progress.update(self._task, completed=done, total=total)
+
+    def tell(self, words: str) -> None:
+        """Show words beside the name of the present stage."""
+        if self._task is not None:
+            name = next(name for name, task in self._tasks.items() if task == self._task)
+            self._progress.update(self._task, description=f"{name} {words}")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gpubspline.analysis.gauss import FORMULATIONS, gauss_stress, principal, von_mises
+from gpubspline.analysis.gauss import gauss_stress, principal, von_mises
+from gpubspline.analysis.stiffness import FORMULATIONS
 from gpubspline.analysis.stress import PERCENTILE, extrapolate, recover
 from gpubspline.errors import InputError
 from gpubspline.mesh import structure

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.analysis.stiffness import FORMULATIONS, MODULI
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
-FORMULATIONS = ("full", "incompatible", "bbar")
 COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 """Rows and columns of a symmetric tensor's six components: xx, yy, zz, xy, yz, xz."""
 
@@ -96,8 +96,8 @@ def check_options(mesh: Mesh, modulus: str, formulation: str) -> None:
     for name in ("E_MPa", "nu"):
         if name not in mesh.fields:
             raise InputError(f"expected the nodal fields E_MPa and nu, got a mesh without {name}")
-    if modulus not in ("graded", "element"):
-        raise InputError(f"expected a modulus that is graded or element, got {modulus!r}")
+    if modulus not in MODULI:
+        raise InputError(f"expected a modulus of {' or '.join(MODULI)}, got {modulus!r}")
     if formulation not in FORMULATIONS:
         raise InputError(f"expected a formulation of {', '.join(FORMULATIONS)}, got {formulation!r}")
     if formulation != "full" and mesh.element_type != "hex8":
