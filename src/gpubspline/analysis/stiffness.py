@@ -28,6 +28,7 @@ class Stiffness:
     ----------
     device: where it lives.
     n_nodes, n_elements, n_vertices: n, m and k vertices an element.
+    modulus: of ``MODULI``.
     formulation: position in ``FORMULATIONS``.
     points: (3, n), mm, from the middle of the mesh.
     nodes: (k, m) vertices of each element.
@@ -36,12 +37,14 @@ class Stiffness:
     lame: Lame's lambda and mu, MPa, (g, m) each.
     inverse_modes: (9, 9, m) of the incompatible modes, else of no meaning.
     start, slots: (n + 1,) and (k m,) where the elements of each node keep their forces on it.
+    forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
     """
 
     device: Device
     n_nodes: int
     n_elements: int
     n_vertices: int
+    modulus: str
     formulation: int
     points: Buffer
     nodes: Buffer
@@ -61,11 +64,15 @@ class Stiffness:
 
     def apply(self, displacement: Buffer, free: Buffer, out: Buffer) -> None:
         """Write the nodal forces K u (3, n), N, of a displacement u (3, n), mm; 0 where ``free`` (3, n) is 0."""
+        self.element_forces(displacement)
+        self._gather(self.forces, 3, free, out)
+
+    def element_forces(self, displacement: Buffer) -> None:
+        """Write what each element gives its nodes, N, into ``forces`` (3, k, m)."""
         if self.n_vertices == 8:
             self._hex8_forces(displacement)
         else:
             self._fluxes(displacement)
-        self._gather(self.forces, 3, free, out)
 
     def _hex8_forces(self, displacement: Buffer) -> None:
         where = (self.points, displacement, self.n_nodes, self.nodes, self.n_elements)
@@ -128,6 +135,7 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         n_nodes=mesh.n_nodes,
         n_elements=mesh.n_elements,
         n_vertices=element.n_nodes,
+        modulus=modulus,
         formulation=FORMULATIONS.index(formulation),
         points=points,
         nodes=nodes,
