@@ -81,6 +81,16 @@ def test_an_element_modulus_is_the_mean_of_its_nodes():
     np.testing.assert_allclose(found.stress, expected, rtol=1e-11, atol=1e-13)
 
 
+@pytest.mark.parametrize("element_type", HEXES)
+def test_no_point_is_stiffer_or_softer_than_the_nodes_around_it(element_type):
+    """Quadratic shape functions alone would give a modulus below 0 between a stiff and a soft node."""
+    mesh = box(element_type, modulus=lambda p: np.where(np.sin(37 * p.sum(axis=1)) > 0.4, 9000.0, 50.0), nu=0.0)
+    found = gauss_stress(mesh, mesh.points * [1e-3, 0, 0])
+    nodal = mesh.fields["E_MPa"][mesh.cells] * 1e-3
+    low, high = nodal.min(axis=1) * (1 - 1e-9), nodal.max(axis=1) * (1 + 1e-9)
+    assert (low <= found.stress[0]).all() and (found.stress[0] <= high).all() and (low < high).any()
+
+
 def test_chosen_elements_are_those_of_the_whole():
     mesh, some = box("hex20", place=stirred), np.array([7, 2, 11])
     displacement = np.sin(mesh.points * 3) * 1e-3

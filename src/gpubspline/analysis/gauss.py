@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.analysis.stiffness import FORMULATIONS, MODULI
+from gpubspline.analysis.stiffness import FORMULATIONS, MODULI, lame_moduli
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -66,7 +66,8 @@ def gauss_stress(
     """
     check_options(mesh, modulus, formulation)
     element = mesh.element
-    nodes = mesh.cells_of(np.arange(mesh.n_elements) if elements is None else elements).T
+    cells = mesh.cells_of(np.arange(mesh.n_elements) if elements is None else elements)
+    nodes = cells.T
     at, weights = element.gauss()
     tangents = _derivatives(mesh.planes, nodes, element.gradient(at))
     cofactors, det = _cofactors(tangents)
@@ -76,7 +77,7 @@ def gauss_stress(
     along = _derivatives(np.asarray(displacement_mm, dtype=np.float64).T, nodes, element.gradient(at))
     slope = np.einsum("cdgm,dlgm->clgm", along, cofactors) / det
     volume = det * weights[:, None]
-    lame, shear = _lame(mesh, nodes, element.shape(at), modulus)
+    lame, shear = lame_moduli(mesh, cells, element.shape(at), modulus)
     if formulation == "incompatible":
         slope = slope + _mode_slopes(tangents, det, slope, volume, lame, shear)
     strain = np.stack([(slope[c, d] + slope[d, c]) / 2 for c, d in COMPONENTS])
@@ -142,14 +143,6 @@ def _cofactors(tangents: Floats) -> tuple[Floats, Floats]:
     return cofactors, np.einsum("c...,c...->...", t[:, 0], cofactors[0])
 
 
-def _lame(mesh: Mesh, nodes: NDArray[np.int32], shape: Floats, modulus: str) -> tuple[Floats, Floats]:
-    """Lame's moduli (g or 1, m), MPa."""
-    young, poisson = (mesh.fields[name][nodes].astype(np.float64) for name in ("E_MPa", "nu"))
-    at = shape if modulus == "graded" else np.full((1, len(nodes)), 1 / len(nodes))
-    young, poisson = at @ young, at @ poisson
-    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
-
-
 def _mode_slopes(tangents: Floats, det: Floats, slope: Floats, volume: Floats, lame: Floats, shear: Floats) -> Floats:
     """What the incompatible modes of hex8 add to the displacement gradient (3, 3, g, m).
 
@@ -163,10 +156,9 @@ def _mode_slopes(tangents: Floats, det: Floats, slope: Floats, volume: Floats, l
     pressure = lame * np.einsum("ccgm->gm", slope)
     force = np.einsum("clgm,dlgm,gm->mcd", stress, mode, volume, optimize=True)
     force += np.einsum("gm,dcgm,gm->mcd", pressure, mode, volume, optimize=True)
-    moduli = [np.broadcast_to(value, volume.shape) * volume for value in (lame, shear)]
-    stiffness = np.einsum("gm,dcgm,fegm->mcdef", moduli[0], mode, mode, optimize=True)
-    crossed = np.einsum("gm,degm,fcgm->mcdef", moduli[1], mode, mode, optimize=True)
-    even = np.einsum("gm,dlgm,flgm->mdf", moduli[1], mode, mode, optimize=True)
+    stiffness = np.einsum("gm,dcgm,fegm->mcdef", lame * volume, mode, mode, optimize=True)
+    crossed = np.einsum("gm,degm,fcgm->mcdef", shear * volume, mode, mode, optimize=True)
+    even = np.einsum("gm,dlgm,flgm->mdf", shear * volume, mode, mode, optimize=True)
     stiffness += crossed + even[:, None, :, None] * np.eye(3)[:, None, :, None]
     solved = np.linalg.solve(stiffness.reshape(-1, 9, 9), -force.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(np.einsum("mcd,dlgm->clgm", solved, mode, optimize=True))

@@ -125,7 +125,7 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
     points = device.put((mesh.planes - mesh.planes.mean(axis=1, dtype=np.float64)[:, None]).astype(np.float64))
     slopes = device.put(np.ascontiguousarray(element.gradient(at).transpose(1, 2, 0)))
     _check_jacobians(mesh, device, points, nodes, slopes, len(weights))
-    lame = [device.put(values) for values in lame_moduli(mesh, element.shape(at), modulus)]
+    lame = [device.put(values) for values in lame_moduli(mesh, cells, element.shape(at), modulus)]
     start, slots = _slots(cells, mesh.n_nodes)
     modes = device.empty(1)
     if formulation == "incompatible":
@@ -181,14 +181,18 @@ def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, 
         raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0]}")
 
 
-def lame_moduli(mesh: Mesh, shape: Floats, modulus: str) -> tuple[Floats, Floats]:
-    """Lame's lambda and mu, MPa, (points, m) each, where the shape functions are ``shape`` (points, k)."""
+def lame_moduli(mesh: Mesh, cells: NDArray[np.int32], shape: Floats, modulus: str) -> tuple[Floats, Floats]:
+    """Lame's lambda and mu, MPa, (points, m) each, of elements of nodes ``cells`` (m, k).
+
+    ``shape`` (points, k) are the shape functions at the points. Those of curved elements overshoot between a stiff and
+    a soft node, to below 0 in CT: E and nu stay within those of the element's own nodes.
+    """
     values = []
     for name in ("E_MPa", "nu"):
-        nodal = np.asarray(mesh.fields[name], dtype=np.float64)[mesh.cells]
+        nodal = np.asarray(mesh.fields[name], dtype=np.float64)[cells]
         if modulus == "element":
             nodal[:] = nodal.mean(axis=1, keepdims=True)
-        values.append(np.ascontiguousarray(shape @ nodal.T))
+        values.append(np.clip(shape @ nodal.T, nodal.min(axis=1), nodal.max(axis=1)))
     e, nu = values
     return e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
