@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from gpubspline.analysis.corners import corners
 from gpubspline.analysis.krylov import Operator, Progress, Vectors, conjugate_gradients
 from gpubspline.analysis.multigrid import DIRECT, multigrid
 from gpubspline.analysis.stiffness import FORMULATIONS, Stiffness, stiffness
@@ -109,14 +110,16 @@ def solve(
 
 
 def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device: Device) -> Operator:
-    """Multigrid in the device's own precision for structured hex8, else the nodes' own blocks."""
-    if mesh.structure is None or mesh.element_type != "hex8" or mesh.n_nodes <= DIRECT:
+    """Multigrid in the device's own precision for structured meshes, else the nodes' own blocks."""
+    if mesh.structure is None or mesh.n_nodes <= DIRECT:
         blocks = k.inverse_blocks(free)
 
         def multiply(r: Buffer, out: Buffer) -> None:
             k.device.launch("vectors.blocks_times", k.n_nodes, blocks, r, k.n_nodes, out)
 
         return multiply
+    if mesh.element.order == 2:
+        return corners(mesh, k, held, free, device).apply
     counts = (mesh.structure[0], mesh.structure[1], mesh.structure[2])
     like = k if device is k.device else stiffness(mesh, device, k.modulus, FORMULATIONS[k.formulation])
     grids = multigrid(like, counts, mesh.points, held)

@@ -18,9 +18,9 @@ from scipy import linalg
 from gpubspline.analysis.stiffness import Stiffness
 from gpubspline.device import Buffer, Device
 
-SMOOTHINGS = 3
+SMOOTHINGS = 4
 """Steps of Chebyshev's iteration before and after the coarse grid."""
-DAMPED = 6.0
+DAMPED = 20.0
 """The ratio of eigenvalues over which they damp."""
 POWERS = 12
 """Iterations that find the largest eigenvalue, and what is added for their error:"""
