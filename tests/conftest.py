@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from gpubspline.cli import main
 from gpubspline.device import BACKENDS, Device, open_device
 from gpubspline.errors import BackendUnavailable
 
@@ -51,3 +52,23 @@ def any_device(request: pytest.FixtureRequest) -> Device:
 def both_devices() -> tuple[Device, ...]:
     """Both backends at once, float32, to be compared."""
     return tuple(opened(backend, "float32") for backend in BACKENDS)
+
+
+class Run:
+    """Status and texts of one command of ``gpubspline``."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self._capsys, self._monkeypatch = capsys, monkeypatch
+
+    def __call__(self, *words: object) -> tuple[int, str, str]:
+        self._monkeypatch.setattr("sys.argv", ["gpubspline", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = self._capsys.readouterr()
+        return int(end.value.code or 0), out, err
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """The command line, called in this process."""
+    return Run(capsys, monkeypatch)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,29 +12,11 @@ import pydicom
 import pytest
 import SimpleITK as sitk
 
-from gpubspline.cli import main
 from gpubspline.ct.phantom_dicom import write_phantom
 
 FEMUR = ["--control", "11,18,34", "--nodes", "11,18,34"]
 
-
-class Run:
-    """Status and texts of one command."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-        self._capsys, self._monkeypatch = capsys, monkeypatch
-
-    def __call__(self, *words: Any) -> tuple[int, str, str]:
-        self._monkeypatch.setattr("sys.argv", ["gpubspline", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = self._capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    return Run(capsys, monkeypatch)
+Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="session")
@@ -45,7 +28,7 @@ def femur(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("backend", ["warp", "opencl"])
-def test_mesh_and_its_summary(run: Run, femur: Path, tmp_path: Path, backend: str) -> None:
+def test_mesh_and_its_summary(run: Command, femur: Path, tmp_path: Path, backend: str) -> None:
     names = {name: tmp_path / name for name in ("m.vtu", "s.json", "p.png", "h.png")}
     files = [
         "-o",
@@ -82,7 +65,7 @@ def test_mesh_and_its_summary(run: Run, femur: Path, tmp_path: Path, backend: st
     assert all(names[name].read_bytes().startswith(b"\x89PNG") for name in ("p.png", "h.png"))
 
 
-def test_both_backends_give_one_mesh(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_both_backends_give_one_mesh(run: Command, femur: Path, tmp_path: Path) -> None:
     meshes = []
     for backend in ("warp", "opencl"):
         path = tmp_path / f"{backend}.vtu"
@@ -94,7 +77,7 @@ def test_both_backends_give_one_mesh(run: Run, femur: Path, tmp_path: Path) -> N
     assert np.abs(one.cell_data["scaled_jacobian"][0] - other.cell_data["scaled_jacobian"][0]).max() < 1e-4
 
 
-def test_fit_then_sample_is_mesh(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_fit_then_sample_is_mesh(run: Command, femur: Path, tmp_path: Path) -> None:
     model, direct, later = tmp_path / "model.npz", tmp_path / "direct.vtu", tmp_path / "later.vtu"
     assert run("fit", femur, "-o", model, "--control", "11,18,34")[0] == 0
     assert run("sample", model, "-o", later, "--nodes", "9,12,20")[0] == 0
@@ -108,7 +91,7 @@ def test_fit_then_sample_is_mesh(run: Run, femur: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fit", ["interpolate", "least-squares"])
-def test_other_fits_follow_the_boundary(run: Run, femur: Path, tmp_path: Path, fit: str) -> None:
+def test_other_fits_follow_the_boundary(run: Command, femur: Path, tmp_path: Path, fit: str) -> None:
     summary = tmp_path / "s.json"
     words = ["--fit", fit, "--control", "9,12,20", "--nodes", "11,18,34", "--summary", summary]
     assert run("mesh", femur, "-o", tmp_path / "m.vtu", *words)[0] == 0
@@ -116,30 +99,30 @@ def test_other_fits_follow_the_boundary(run: Run, femur: Path, tmp_path: Path, f
     assert figures["fit"]["method"] == fit and figures["surface_distance_mm"]["mean"] < 1.0
 
 
-def test_one_slice_gives_quads(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_one_slice_gives_quads(run: Command, femur: Path, tmp_path: Path) -> None:
     status, out, err = run("mesh", femur, "-o", tmp_path / "q.vtu", "--slice", 5, "--nodes", "40,70")
     assert (status, err) == (0, "") and "2,691 quad4" in out
 
 
 @pytest.mark.parametrize(("words", "kind"), [(["--order", "2"], "hex20"), (["--element", "hex27"], "hex27")])
-def test_quadratic_elements(run: Run, femur: Path, tmp_path: Path, words: list[str], kind: str) -> None:
+def test_quadratic_elements(run: Command, femur: Path, tmp_path: Path, words: list[str], kind: str) -> None:
     status, out, _ = run("mesh", femur, "-o", tmp_path / "q.vtu", "--nodes", "5,6,9", *words)
     assert status == 0 and f"160 {kind}" in out
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "long"])
-def test_other_axes(run: Run, femur: Path, tmp_path: Path, axis: str) -> None:
+def test_other_axes(run: Command, femur: Path, tmp_path: Path, axis: str) -> None:
     status, out, _ = run("mesh", femur, "-o", tmp_path / "m.vtu", "--axis", axis, "--nodes", "9,9,9")
     assert status == 0 and "512 hex8" in out
 
 
-def test_crop_by_slices_and_box(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_crop_by_slices_and_box(run: Command, femur: Path, tmp_path: Path) -> None:
     status, _, _ = run("mesh", femur, "-o", tmp_path / "m.vtu", "--slices", ":12", "--box", "-200,200,-200,200,9,500")
     points = meshio.read(tmp_path / "m.vtu").points
     assert status == 0 and points[:, 2].min() > 8.999 and points[:, 2].max() < 33.001
 
 
-def test_own_law(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_own_law(run: Command, femur: Path, tmp_path: Path) -> None:
     law = tmp_path / "own.toml"
     law.write_text(
         '[own]\ntitle = "one power"\n[own.density]\nkind = "apparent"\nslope_g_cm3_per_hu = 0.001\n'
@@ -152,7 +135,7 @@ def test_own_law(run: Run, femur: Path, tmp_path: Path) -> None:
     assert np.allclose(written["E_MPa"], expected, rtol=1e-5) and np.allclose(written["nu"], 0.25)
 
 
-def test_quality_of_a_file(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_quality_of_a_file(run: Command, femur: Path, tmp_path: Path) -> None:
     summary = tmp_path / "q.json"
     run("mesh", femur, "-o", tmp_path / "m.vtu", *FEMUR)
     status, out, _ = run("quality", tmp_path / "m.vtu", "--summary", summary, "--histogram", tmp_path / "h.png")
@@ -160,7 +143,7 @@ def test_quality_of_a_file(run: Run, femur: Path, tmp_path: Path) -> None:
     assert json.loads(summary.read_text())["scaled_jacobian"]["inverted"] == 0
 
 
-def test_info_of_ct_and_mesh(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_info_of_ct_and_mesh(run: Command, femur: Path, tmp_path: Path) -> None:
     status, out, _ = run("info", femur)
     assert status == 0 and "34" in out and "Otsu" in out
     run("mesh", femur, "-o", tmp_path / "m.vtu", *FEMUR)
@@ -168,14 +151,14 @@ def test_info_of_ct_and_mesh(run: Run, femur: Path, tmp_path: Path) -> None:
     assert status == 0 and "5,610 hex8" in out and "E_MPa" in out
 
 
-def test_lists(run: Run) -> None:
+def test_lists(run: Command) -> None:
     status, out, _ = run("backends")
     assert status == 0 and "warp:cpu" in out and "opencl:0:0" in out and "*" in out
     status, out, _ = run("laws")
     assert status == 0 and "wirtz-2000 (default)" in out and "1904 rho^1.64" in out
 
 
-def test_nothing_identifies_a_patient(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_nothing_identifies_a_patient(run: Command, femur: Path, tmp_path: Path) -> None:
     folder = tmp_path / "named"
     shutil.copytree(femur, folder)
     for path in folder.iterdir():
@@ -356,7 +339,7 @@ def assert_one_line(status: int, err: str, pattern: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
-def test_bad_input_gets_one_line(run: Run, femur: Path, tmp_path: Path, case: Any) -> None:
+def test_bad_input_gets_one_line(run: Command, femur: Path, tmp_path: Path, case: Any) -> None:
     *words, pattern = case(tmp_path, femur)
     out = tmp_path / "out"
     out.mkdir()
@@ -376,13 +359,13 @@ def test_bad_input_gets_one_line(run: Run, femur: Path, tmp_path: Path, case: An
         (".", "folder|vtu"),
     ],
 )
-def test_bad_output_is_named_before_any_work(run: Run, tmp_path: Path, output: str, pattern: str) -> None:
+def test_bad_output_is_named_before_any_work(run: Command, tmp_path: Path, output: str, pattern: str) -> None:
     status, _, err = run("mesh", tmp_path / "input-that-is-not-there", "-o", tmp_path / output)
     assert_one_line(status, err, pattern)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_input_is_overwritten(run: Run, femur: Path, tmp_path: Path) -> None:
+def test_no_input_is_overwritten(run: Command, femur: Path, tmp_path: Path) -> None:
     mesh = tmp_path / "m.vtu"
     assert run("mesh", femur, "-o", mesh, "--nodes", "5,6,7")[0] == 0
     before = mesh.read_bytes()
@@ -394,14 +377,14 @@ def test_no_input_is_overwritten(run: Run, femur: Path, tmp_path: Path) -> None:
     assert mesh.read_bytes() == before and np.array_equal(np.load(tmp_path / "ct.npy"), samples)
 
 
-def test_bad_demo_leaves_no_folder(run: Run, tmp_path: Path) -> None:
+def test_bad_demo_leaves_no_folder(run: Command, tmp_path: Path) -> None:
     assert_one_line(*run("demo", tmp_path / "d", "--backend", "metal")[::2], "expected a backend")
     (tmp_path / "file").write_text("")
     assert_one_line(*run("demo", tmp_path / "file")[::2], "expected a folder to make, got the file")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_bad_model_and_phantom(run: Run, tmp_path: Path) -> None:
+def test_bad_model_and_phantom(run: Command, tmp_path: Path) -> None:
     assert_one_line(*run("sample", tmp_path / "none.npz", "-o", tmp_path / "m.vtu")[::2], "does not exist")
     assert_one_line(*run("phantom", "skull", tmp_path / "p")[::2], "child-femur, adult-femur, head")
     assert_one_line(*run("phantom", "head", tmp_path / "no" / "p")[::2], "existing folder")

@@ -1,6 +1,7 @@
 """The command 'solve': a bar against its closed form, the shipped stance from a CT, and what is refused."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,6 @@ import pytest
 
 from gpubspline.analysis.loads import load_case
 from gpubspline.analysis.response import respond
-from gpubspline.cli import main
 from gpubspline.clock import Clock
 from gpubspline.ct.phantom_dicom import write_phantom
 from gpubspline.device import Device, open_device
@@ -41,24 +41,7 @@ region = "end"
 force_n = [0, 0, 160]
 """
 
-
-class Run:
-    """Status and texts of one command."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-        self._capsys, self._monkeypatch = capsys, monkeypatch
-
-    def __call__(self, *words: Any) -> tuple[int, str, str]:
-        self._monkeypatch.setattr("sys.argv", ["gpubspline", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = self._capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    return Run(capsys, monkeypatch)
+Command = Callable[..., tuple[int, str, str]]
 
 
 def bar() -> Mesh:
@@ -80,7 +63,7 @@ def pulled(tmp_path: Path) -> list[Path]:
 
 @pytest.mark.parametrize("options", [(), ("--formulation", "incompatible"), ("--modulus", "element")], ids=str)
 def test_a_pulled_bar_is_its_closed_form(
-    run: Run, pulled: list[Path], tmp_path: Path, options: tuple[str, ...]
+    run: Command, pulled: list[Path], tmp_path: Path, options: tuple[str, ...]
 ) -> None:
     """Stress F / A = 2 MPa, strain 2e-3 along the bar and -5e-4 across it, energy F u / 2."""
     out, summary = tmp_path / "out.vtu", tmp_path / "out.json"
@@ -106,7 +89,7 @@ def test_a_pulled_bar_is_its_closed_form(
     assert "pull.toml: A bar pulled at its end" in said and "Gauss points of all elements" in said
 
 
-def test_stance_from_a_ct(run: Run, tmp_path: Path) -> None:
+def test_stance_from_a_ct(run: Command, tmp_path: Path) -> None:
     """The left child femur: its head goes down and to the middle, and what is applied is what is held."""
     write_phantom("child-femur", tmp_path / "ct")
     out, summary = tmp_path / "out.vtu", tmp_path / "out.json"
@@ -166,7 +149,9 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_bad_load_cases_are_one_line_and_write_nothing(run: Run, pulled: list[Path], tmp_path: Path, name: str) -> None:
+def test_bad_load_cases_are_one_line_and_write_nothing(
+    run: Command, pulled: list[Path], tmp_path: Path, name: str
+) -> None:
     text, message = BROKEN[name]
     pulled[1].write_text(text)
     refused(run(*command(pulled, tmp_path)), message, tmp_path)
@@ -190,7 +175,9 @@ MATERIALS = {
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_bad_materials_are_one_line_and_write_nothing(run: Run, pulled: list[Path], tmp_path: Path, name: str) -> None:
+def test_bad_materials_are_one_line_and_write_nothing(
+    run: Command, pulled: list[Path], tmp_path: Path, name: str
+) -> None:
     material, message = MATERIALS[name]
     mesh = bar()
     fields = {key: np.full(mesh.n_nodes, value) for key, value in material.items()}
@@ -198,7 +185,7 @@ def test_bad_materials_are_one_line_and_write_nothing(run: Run, pulled: list[Pat
     refused(run(*command(pulled, tmp_path)), message, tmp_path)
 
 
-def test_bad_options_are_one_line_and_write_nothing(run: Run, pulled: list[Path], tmp_path: Path) -> None:
+def test_bad_options_are_one_line_and_write_nothing(run: Command, pulled: list[Path], tmp_path: Path) -> None:
     given = command(pulled, tmp_path)
     mesh = bar()
     for words, message in [

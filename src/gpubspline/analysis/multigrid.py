@@ -239,7 +239,7 @@ def _grid(device: Device, counts: Counts, stencil: Buffer, way: Transfer | None)
     blocks, inverse = device.empty((6, n)), device.empty((6, n))
     device.launch("stencil.own_blocks", n, stencil, n, blocks)
     free = device.put((device.get(blocks)[:3] > 0).astype(device.real))
-    device.launch("elasticity.invert_blocks", n, blocks, free, n, inverse)
+    device.launch("nodal.invert_blocks", n, blocks, free, n, inverse)
     grid = Grid(device, counts, stencil, inverse, free, 1.0, way)
     return Grid(device, counts, stencil, inverse, free, _largest(grid), way) if way else grid
 

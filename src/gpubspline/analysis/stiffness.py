@@ -90,7 +90,7 @@ class Stiffness:
     def _gather(self, values: Buffer, components: int, free: Buffer, out: Buffer) -> None:
         count = self.n_vertices * self.n_elements
         where = (self.start, self.slots, free, self.n_nodes, out)
-        self.device.launch("elasticity.gather", self.n_nodes, values, components, count, *where)
+        self.device.launch("nodal.gather", self.n_nodes, values, components, count, *where)
 
     def inverse_blocks(self, free: Buffer) -> Buffer:
         """Inverse (6, n) of each node's own stiffness, 0 where it is not free; the first preconditioner."""
@@ -100,7 +100,7 @@ class Stiffness:
         self.device.launch("elasticity.own_stiffness", (self.n_vertices, self.n_elements), *where, *how)
         blocks, inverse = self.device.empty(6 * self.n_nodes), self.device.empty(6 * self.n_nodes)
         self._gather(values, 6, self.device.put(np.ones(6 * self.n_nodes)), blocks)
-        self.device.launch("elasticity.invert_blocks", self.n_nodes, blocks, free, self.n_nodes, inverse)
+        self.device.launch("nodal.invert_blocks", self.n_nodes, blocks, free, self.n_nodes, inverse)
         return inverse
 
 
