@@ -1,0 +1,15 @@
+"""The devices of this machine."""
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import RunOptions
+
+
+@app.command()
+def backends() -> None:
+    """List the devices that kernels can run on."""
+    from gpubspline.device import list_devices, open_device
+
+    rows, chosen = list_devices(), open_device().name
+    width = max(len(name) for name, _ in rows)
+    marked = [f"{'*' if name == chosen else ' '} {name:{width}}  {words}" for name, words in rows]
+    RunOptions().say([*marked, "* chosen by --backend auto"])

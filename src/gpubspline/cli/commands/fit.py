@@ -1,0 +1,40 @@
+"""From CT to a model file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.arguments import InputPaths
+from gpubspline.cli.options import ReadOptions, RegionOptions, RunOptions, SplineOptions, flattened
+
+ModelOutput = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="model file, .npz", show_default=False)
+]
+
+
+@app.command()
+@flattened
+def fit(
+    source: InputPaths,
+    output: ModelOutput,
+    read: ReadOptions,
+    region: RegionOptions,
+    spline: SplineOptions,
+    run: RunOptions,
+) -> None:
+    """Make a hyperpatch from CT and keep it, to be sampled at any density later."""
+    from gpubspline import pipeline
+    from gpubspline.cli import describe
+    from gpubspline.spline.model import check_model_path, save_model
+
+    check_model_path(output)
+    wanted = region.source(source, read, spline.axis)
+    shaping, device = spline.shaping(3 if region.slice_index is None else 2), run.open()
+    with run.clock() as clock:
+        fitted = pipeline.fit_patch(wanted, shaping, device, clock)
+        with clock.stage("write"):
+            save_model(fitted.fit.patch, output)
+    patch, error = fitted.fit.patch, fitted.fit.error
+    run.say([*describe.patch_lines(patch), *describe.fit_lines(error), *describe.wrote([output])])

@@ -1,0 +1,36 @@
+"""What a file holds."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import ReadOptions, RunOptions, flattened
+
+
+@app.command()
+@flattened
+def info(
+    source: Annotated[
+        list[Path], typer.Argument(metavar="INPUT...", help="CT, model file (.npz) or mesh file", show_default=False)
+    ],
+    read: ReadOptions,
+) -> None:
+    """Say what a CT, a model file or a mesh file holds."""
+    from gpubspline.cli import describe
+    from gpubspline.export import can_read, read_mesh
+
+    if source[0].suffix == ".npz":
+        from gpubspline.spline.model import load_model
+
+        lines = describe.patch_lines(load_model(source[0]))
+    elif can_read(source[0]):
+        lines = describe.mesh_lines(read_mesh(source[0]))
+    else:
+        from gpubspline.ct.image import read_volume
+
+        with RunOptions().clock() as clock, clock.stage("read"):
+            volume = read_volume(source, progress=clock.advance, **read.reading())
+        lines = describe.volume_lines(volume)
+    RunOptions().say(lines)

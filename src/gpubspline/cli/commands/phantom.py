@@ -1,0 +1,24 @@
+"""A CT of an analytic body."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import RunOptions
+
+
+@app.command()
+def phantom(
+    name: Annotated[str, typer.Argument(metavar="child-femur|adult-femur|head", show_default=False)],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="new folder of the series", show_default=False)],
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="print errors only")] = False,
+) -> None:
+    """Write a DICOM CT series of an analytic body."""
+    from gpubspline.ct.phantom_dicom import write_phantom
+
+    run = RunOptions(quiet=quiet)
+    with run.clock() as clock, clock.stage("scan"):
+        files = write_phantom(name, folder, clock.advance)
+    run.say([f"wrote {len(files)} slices in {folder}"])

@@ -1,0 +1,48 @@
+"""The elements of a mesh file, judged."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import RunOptions, flattened
+from gpubspline.files import check_apart, check_writable
+
+SummaryOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")]
+HistogramOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="scaled Jacobians, .png")]
+
+
+@app.command()
+@flattened
+def quality(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="any mesh file meshio reads", show_default=False)],
+    run: RunOptions,
+    summary: SummaryOutput = None,
+    histogram: HistogramOutput = None,
+) -> None:
+    """Judge the elements of a mesh file by their scaled Jacobian."""
+    from gpubspline.cli import describe
+    from gpubspline.export import read_mesh
+    from gpubspline.mesh.quality import assess
+    from gpubspline.report.histogram import write_histogram
+    from gpubspline.report.sheet import check_png
+    from gpubspline.report.summary import write_summary
+
+    written = [path for path in (summary, histogram) if path]
+    for path in written:
+        check_writable(path)
+    check_apart(written, [mesh])
+    if histogram:
+        check_png(histogram)
+    device = run.open()
+    with run.clock() as clock:
+        with clock.stage("read"):
+            found = read_mesh(mesh)
+        with clock.stage("quality"):
+            found, judged = assess(found, device)
+    if summary:
+        write_summary(describe.quality_figures(found, judged), summary)
+    if histogram:
+        write_histogram(judged, histogram)
+    run.say(describe.quality_lines(found, judged) + describe.wrote(written))

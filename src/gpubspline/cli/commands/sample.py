@@ -1,0 +1,33 @@
+"""From a model file to a mesh."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import OutputOptions, RunOptions, SamplingOptions, flattened
+
+
+@app.command()
+@flattened
+def sample(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model file of 'gpubspline fit'", show_default=False)],
+    sampled: SamplingOptions,
+    files: OutputOptions,
+    run: RunOptions,
+) -> None:
+    """Make a mesh of any density from a model file, without the CT."""
+    from gpubspline import pipeline
+    from gpubspline.cli import describe
+    from gpubspline.spline.model import load_model
+
+    files.check([model])
+    sampling, device = sampled.sampling(), run.open()
+    with run.clock() as clock:
+        with clock.stage("read"):
+            patch = load_model(model)
+        made = files.make(patch, sampling, device, clock)
+        figures = pipeline.summarise(made, device, clock)
+        files.write(made, figures, clock)
+    run.say([*describe.summary_lines(figures), *describe.wrote(files.paths)])

@@ -1,0 +1,38 @@
+"""Groups of options as dataclasses: each option is spelled once and shared by the commands that take it."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, fields
+from functools import wraps
+from typing import Any, get_type_hints
+
+import typer
+
+
+def flattened(command: Callable[..., None]) -> Callable[..., None]:
+    """Let a command take groups of options as dataclasses: Typer sees the fields, the command sees the groups."""
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in hints.items() if hasattr(kind, "__dataclass_fields__")}
+    own = [p for p in inspect.signature(command).parameters.values() if p.name not in groups]
+    parameters, annotations = list(own), {p.name: hints[p.name] for p in own}
+    for kind in groups.values():
+        kinds = get_type_hints(kind, include_extras=True)
+        for field in fields(kind):
+            default = inspect.Parameter.empty if field.default is MISSING else field.default
+            parameters.append(inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default))
+            annotations[field.name] = kinds[field.name]
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        parts = {name: kind(**{f.name: given.pop(f.name) for f in fields(kind)}) for name, kind in groups.items()}
+        command(**given, **parts)
+
+    keyword = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=annotations[p.name]) for p in parameters]
+    run.__signature__ = inspect.Signature(keyword)  # type: ignore[attr-defined]
+    run.__annotations__ = annotations
+    return run
+
+
+def option(panel: str, text: str, *names: str, metavar: str | None = None, show_default: bool = True) -> Any:
+    """Declare an option in a panel of the help; its name is the field's unless ``names`` say otherwise."""
+    return typer.Option(*names, help=text, metavar=metavar, rich_help_panel=panel, show_default=show_default)

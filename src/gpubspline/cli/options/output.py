@@ -1,0 +1,86 @@
+"""The files of a run: checked before the work, written after it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from gpubspline.cli.options.groups import option
+from gpubspline.errors import InputError
+from gpubspline.files import check_apart, check_writable
+
+MADE_FIELDS = ("density_g_cm3", "E_MPa", "nu", "material", "scaled_jacobian")
+"""Fields that a mesh gets beside the channels of its patch."""
+
+
+@dataclass
+class OutputOptions:
+    """The files a run writes: checked before the work, written after it."""
+
+    output: Annotated[
+        Path,
+        option(
+            "Output", "mesh: .vtu, .inp or what meshio writes", "--output", "-o", metavar="FILE", show_default=False
+        ),
+    ]
+    modulus_bins: Annotated[
+        int | None, option("Output", ".inp: N element sets by modulus, not nodal modulus", metavar="N")
+    ] = None
+    summary: Annotated[Path | None, option("Output", "figures of the run, .json", metavar="FILE")] = None
+    picture: Annotated[Path | None, option("Output", "picture of the mesh, .png", metavar="FILE")] = None
+    field: Annotated[str, option("Output", "field that colours the picture", metavar="NAME")] = "HU"
+    histogram: Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")] = None
+
+    _streamed = False  # whether the mesh was written while it was made
+
+    @property
+    def paths(self) -> list[Path]:
+        """Every file that is asked for."""
+        return [path for path in (self.output, self.summary, self.picture, self.histogram) if path]
+
+    def check(self, inputs: Sequence[Path] = ()) -> None:
+        """Raise InputError where a file could not be written, or would replace another or one of the inputs."""
+        from gpubspline.export import check_extension
+        from gpubspline.report.sheet import check_png
+
+        check_extension(self.output)
+        for path in self.paths:
+            check_writable(path)
+        check_apart(self.paths, inputs)
+        for path in filter(None, (self.picture, self.histogram)):
+            check_png(path)
+        if self.modulus_bins is not None and self.output.suffix.lower() != ".inp":
+            raise InputError(f"expected an .inp file for --modulus-bins, got {self.output.name}")
+
+    def make(self, patch: Any, sampling: Any, device: Any, clock: Any, region: Any = None) -> Any:
+        """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
+        from gpubspline import pipeline
+        from gpubspline.streaming import stream_patch
+
+        known = (*patch.channels, *MADE_FIELDS)
+        if self.picture and self.field not in known:
+            raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
+        first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
+        self._streamed = self.output.suffix.lower() == ".vts" and patch.parametric_dimension == 3 and first_order
+        if self._streamed:
+            return stream_patch(patch, sampling, self.output, device, clock, region)
+        return pipeline.sample_patch(patch, sampling, device, clock, region)
+
+    def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:
+        """Write what is not written yet."""
+        from gpubspline.export import write
+        from gpubspline.report.histogram import write_histogram
+        from gpubspline.report.picture import write_picture
+        from gpubspline.report.summary import write_summary
+
+        if not self._streamed:
+            with clock.stage("write"):
+                write(model.mesh, self.output, law=model.sampling.law, modulus_bins=self.modulus_bins)
+        if self.picture:
+            with clock.stage("picture"):
+                write_picture(model.mesh, self.picture, field=self.field)
+        if self.histogram:
+            write_histogram(model.counted.quality, self.histogram)
+        if self.summary:
+            figures["seconds"] = {**clock.seconds, "total": sum(clock.seconds.values())}
+            write_summary(figures, self.summary)

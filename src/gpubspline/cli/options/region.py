@@ -1,0 +1,50 @@
+"""Which part of a CT is meshed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.read import ReadOptions
+from gpubspline.cli.options.texts import numbers, slice_range
+
+
+@dataclass
+class RegionOptions:
+    """Which part of a CT is meshed."""
+
+    box: Annotated[str | None, option("Input", "crop to a box, LPS mm", metavar="X0,X1,Y0,Y1,Z0,Z1")] = None
+    slices: Annotated[str | None, option("Input", "crop to slices A to B - 1 along k", metavar="A:B")] = None
+    slice_index: Annotated[
+        int | None, option("Input", "mesh slice K with quads, -1 for the last", "--slice", metavar="K")
+    ] = None
+    threshold: Annotated[
+        float | None, option("Region", "what lies above is body (default: Otsu's threshold)", metavar="HU")
+    ] = None
+    mask: Annotated[Path | None, option("Region", "mask or label file on the CT's grid", metavar="FILE")] = None
+    label: Annotated[int | None, option("Region", "label in it (default: all but 0)", metavar="N")] = None
+    fill: Annotated[
+        str | None,
+        option("Region", "where holes are filled (default: slice, none for masks)", metavar="slice|volume|none"),
+    ] = None
+    smooth: Annotated[
+        float | None, option("Region", "Gaussian on HU, or on a mask's boundary (default: 0; a voxel)", metavar="MM")
+    ] = None
+
+    def source(self, paths: list[Path], read: ReadOptions, axis: str) -> Any:
+        """What the pipeline reads."""
+        from gpubspline.recipe import Source
+
+        return Source(
+            paths,
+            threshold_hu=self.threshold,
+            mask=self.mask,
+            label=self.label,
+            box_mm=numbers(self.box, "box", 6),
+            slices=slice_range(self.slices),
+            slice_index=self.slice_index,
+            axis=axis,
+            fill=self.fill,
+            smoothing_mm=self.smooth,
+            reading=read.reading(),
+        )

@@ -1,0 +1,37 @@
+"""Where kernels run, and what is said meanwhile."""
+
+import sys
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+
+from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.texts import device_name
+
+
+@dataclass
+class RunOptions:
+    """Where kernels run, and what is said meanwhile."""
+
+    backend: Annotated[str, option("Run", "kernel backend", metavar="auto|warp|opencl")] = "auto"
+    device: Annotated[str | None, option("Run", "see 'gpubspline backends'", metavar="NAME")] = None
+    precision: Annotated[str, option("Run", "of the kernels", metavar="float32|float64")] = "float32"
+    quiet: Annotated[bool, option("Run", "print warnings and errors only", "--quiet", "-q")] = False
+
+    def open(self) -> Any:
+        """Open the device."""
+        from gpubspline.device import open_device
+
+        return open_device(device_name(self.backend, self.device), self.precision)
+
+    def clock(self) -> Any:
+        """Progress on stderr, where that is a terminal."""
+        from gpubspline.progress import ShownClock
+
+        return ShownClock(shown=not self.quiet and sys.stderr.isatty())
+
+    def say(self, lines: list[str]) -> None:
+        """Print the result, unless quiet."""
+        if not self.quiet:
+            typer.echo("\n".join(lines))

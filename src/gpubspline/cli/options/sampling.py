@@ -1,0 +1,37 @@
+"""How the mesh is sampled, and what its material is."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.texts import integers
+
+
+@dataclass
+class SamplingOptions:
+    """How the mesh is sampled, and what its material is."""
+
+    nodes: Annotated[
+        str | None, option("Mesh", "samples per direction (default: as control points)", metavar="U,V[,W]")
+    ] = None
+    order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
+    element: Annotated[str | None, option("Mesh", "element type instead, such as hex27", metavar="TYPE")] = None
+    law: Annotated[
+        str | None, option("Material", "see 'gpubspline laws' (default: wirtz-2000)", metavar="NAME|FILE.toml")
+    ] = None
+    out_of_range: Annotated[str, option("Material", "HU that the law does not cover", metavar="clamp|floor|error")] = (
+        "clamp"
+    )
+    floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor'", metavar="MPA")] = None
+
+    def sampling(self) -> Any:
+        """What the pipeline samples."""
+        from gpubspline.material.registry import DEFAULT_LAW
+        from gpubspline.material.registry import law as find_law
+        from gpubspline.recipe import Sampling
+
+        policy: dict[str, Any] = {"policy": self.out_of_range}
+        if self.floor_modulus is not None:
+            policy["floor_modulus_mpa"] = self.floor_modulus
+        counts = integers(self.nodes, "nodes", (2, 3))
+        return Sampling(find_law(self.law or DEFAULT_LAW), counts, self.order, self.element, policy)

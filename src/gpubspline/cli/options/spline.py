@@ -1,0 +1,41 @@
+"""How the hyperpatch is made."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.texts import integers
+from gpubspline.errors import InputError
+
+
+@dataclass
+class SplineOptions:
+    """How the hyperpatch is made."""
+
+    axis: Annotated[str, option("Spline", "stack slices along this axis", metavar="x|y|z|long")] = "z"
+    control: Annotated[str | None, option("Spline", "control points (default: by the data)", metavar="NU,NV[,NW]")] = (
+        None
+    )
+    degree: Annotated[str, option("Spline", "degrees, 1 to 5", metavar="P[,Q[,R]]")] = "3"
+    fit: Annotated[
+        str,
+        option("Spline", "data as control points, through or near them", metavar="control|interpolate|least-squares"),
+    ] = "control"
+    interpolation: Annotated[str, option("Spline", "resampling of HU", metavar="linear|cubic")] = "linear"
+
+    smooth_rows: Annotated[
+        float | None, option("Spline", "Gaussian on row ends, in rows; 0 is the paper (default: 1.5)", metavar="ROWS")
+    ] = None
+
+    def shaping(self, directions: int) -> Any:
+        """What the pipeline fits."""
+        from gpubspline.recipe import Shaping
+
+        degree = integers(self.degree, "degree", (1, directions)) or (3,)
+        control = integers(self.control, "control", (directions,))
+        shaping = Shaping(control, degree, self.fit, self.interpolation)
+        if self.smooth_rows is None:
+            return shaping
+        if not self.smooth_rows >= 0:
+            raise InputError(f"expected --smooth-rows of 0 or more, got {self.smooth_rows:g}")
+        return replace(shaping, row_smoothing=self.smooth_rows)

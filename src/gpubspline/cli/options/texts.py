@@ -1,0 +1,57 @@
+"""What the texts of options mean: counts, numbers, ranges, names of devices."""
+
+from math import isfinite
+
+from gpubspline.errors import InputError
+
+
+def integers(text: str | None, name: str, counts: tuple[int, ...]) -> tuple[int, ...] | None:
+    """Read ``"20,80,26"``; raises InputError unless it has one of the given numbers of integers."""
+    if text is None:
+        return None
+    try:
+        values = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in counts:
+        expected = " or ".join(str(count) for count in counts)
+        raise InputError(f"expected {expected} integers with commas for --{name}, got {text!r}")
+    return values
+
+
+def numbers(text: str | None, name: str, count: int) -> tuple[float, ...] | None:
+    """Read ``"0.5,0.5,2"``; raises InputError unless it is as many numbers."""
+    if text is None:
+        return None
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(isfinite, values)):
+        raise InputError(f"expected {count} numbers with commas for --{name}, got {text!r}")
+    return values
+
+
+def slice_range(text: str | None) -> tuple[int | None, int | None] | None:
+    """Read ``"5:20"``, ``":20"`` or ``"-10:"``; raises InputError for anything else."""
+    if text is None:
+        return None
+    try:
+        first, last = (int(part) if part.strip() else None for part in text.split(":"))
+    except ValueError:
+        raise InputError(f"expected A:B for --slices, got {text!r}") from None
+    return first, last
+
+
+def device_name(backend: str, device: str | None) -> str:
+    """One name for ``open_device`` from the two options: ``warp`` and ``cuda:0`` give ``warp:cuda:0``."""
+    if device is None or device == "auto":
+        return backend
+    kind = device.partition(":")[0]
+    if kind in ("warp", "opencl"):
+        if backend not in ("auto", kind):
+            raise InputError(f"expected a device of the backend {backend}, got {device}")
+        return device
+    if backend == "auto":
+        backend = "warp" if kind in ("cpu", "cuda") else "opencl"
+    return f"{backend}:{device}"

@@ -1,0 +1,36 @@
+"""The mesh that a command works on: a mesh file, or made of a model file or a CT."""
+
+from pathlib import Path
+from typing import Any
+
+from gpubspline.cli.options import ReadOptions, RegionOptions, SamplingOptions, SplineOptions
+from gpubspline.errors import InputError
+
+
+def find_solid(
+    source: list[Path],
+    read: ReadOptions,
+    region: RegionOptions,
+    spline: SplineOptions,
+    sampled: SamplingOptions,
+    device: Any,
+    clock: Any,
+) -> Any:
+    """Read a mesh file, or make the mesh of a model file or a CT."""
+    from gpubspline import pipeline
+    from gpubspline.export import can_read, read_mesh
+    from gpubspline.spline.model import load_model
+
+    if can_read(source[0]):
+        plain = (ReadOptions(), RegionOptions(), SplineOptions(), SamplingOptions())
+        if len(source) > 1 or (read, region, spline, sampled) != plain:
+            raise InputError(f"expected one mesh file, without options that make a mesh, got {source[0].name} and more")
+        with clock.stage("read"):
+            return read_mesh(source[0])
+    if source[0].suffix == ".npz":
+        with clock.stage("read"):
+            patch = load_model(source[0])
+    else:
+        shaping = spline.shaping(3 if region.slice_index is None else 2)
+        patch = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock).fit.patch
+    return pipeline.sample_patch(patch, sampled.sampling(), device, clock).mesh
