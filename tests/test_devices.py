@@ -9,7 +9,7 @@ import pytest
 
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
-from gpubspline.device import Device, list_devices, open_device
+from gpubspline.device import BACKENDS, Device, list_devices, open_device
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.material.mapping import apply_material
 from gpubspline.material.registry import law
@@ -35,6 +35,21 @@ def test_both_backends_give_the_same_mesh(
     assert np.abs(one.points - other.points).max() < 1e-4
     assert np.abs(one.fields["HU"] - other.fields["HU"]).max() < 0.05
     assert np.abs(one.cell_fields["scaled_jacobian"] - other.cell_fields["scaled_jacobian"]).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_a_kernel_is_told_of_while_it_is_built_and_once(name: str) -> None:
+    device = open_device.__wrapped__(name)
+    told: list[str] = []
+    device.on_build = told.append
+    control = np.stack(np.meshgrid(*[np.arange(4.0)] * 3, [0.0], indexing="ij"), axis=-1)[:, :, :, 0]
+    mesh = sample(hyperpatch(control), (5, 5, 5), device=device)
+    del told[:]
+    scaled_jacobian(mesh, device)
+    assert told[-1] == "" and "quality." in told[0] and all(told[::2])
+    del told[:]
+    scaled_jacobian(mesh, device)
+    assert not told
 
 
 def test_a_name_opens_one_device() -> None:

@@ -60,3 +60,7 @@ class ShownClock(Clock):
         if self._task is not None:
             name = next(name for name, task in self._tasks.items() if task == self._task)
             self._progress.update(self._task, description=f"{name} {words}")
+
+    def building(self, kernel: str) -> None:
+        """Show that the present stage waits for a kernel to be compiled, which happens once on a machine."""
+        self.tell(f"compiling {kernel}" if kernel else "")

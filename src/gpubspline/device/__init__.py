@@ -1,6 +1,7 @@
 """The seam between host code and kernel backends: a device of five verbs."""
 
 import importlib
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
 
@@ -23,12 +24,15 @@ class Device(Protocol):
     name: what ``open_device`` was asked for, spelled out (``"opencl:0:0"``).
     label: the hardware in words.
     real: float32 or float64, the type of every floating-point buffer and argument.
+    on_build: called with a kernel's name before its first launch, which compiles it where no earlier process has, and
+        with ``""`` after it.
     """
 
     backend: str
     name: str
     label: str
     real: "np.dtype[Any]"
+    on_build: Callable[[str], None]
 
     def put(self, array: Any) -> Buffer:
         """Upload an array, flattened in memory order; floats become ``real``, integers int32.
@@ -50,6 +54,10 @@ class Device(Protocol):
 
     def wait(self) -> None:
         """Return when everything launched has finished."""
+
+
+def quietly(kernel: str) -> None:
+    """Say nothing of a kernel that is built: ``on_build`` of a device that nobody watches."""
 
 
 @cache

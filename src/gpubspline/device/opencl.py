@@ -1,6 +1,7 @@
 """The OpenCL backend: GPUs, and CPUs through PoCL."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device
+from gpubspline.device import Device, quietly
 from gpubspline.device.pocl import name_processor
 from gpubspline.errors import BackendUnavailable
 
@@ -55,6 +56,7 @@ class OpenCLDevice:
         self.name = name
         self.label = device.name.strip()
         self.real = real
+        self.on_build: Callable[[str], None] = quietly
         self._is_cpu = bool(device.type & opencl.device_type.CPU)
         self._lanes = CPU_LANES if self._is_cpu else 1
         if self._is_cpu and device.platform.name == "Portable Computing Language":
@@ -131,7 +133,9 @@ class OpenCLDevice:
         if kernel not in self._kernels:
             file = kernel.partition(".")[0]
             text = _source(file)
+            self.on_build(kernel)
             program = self._opencl.Program(self._context, _source("lanes", "h") + text).build(options=self._options)
+            self.on_build("")
             for hint, name, _ in SIGNATURE.findall(text):
                 self._kernels[f"{file}.{name}"] = (self._opencl.Kernel(program, name), bool(hint))
         return self._kernels[kernel]

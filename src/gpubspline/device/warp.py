@@ -4,7 +4,7 @@ import ctypes.util
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device
+from gpubspline.device import Device, quietly
 from gpubspline.errors import BackendUnavailable, InputError
 
 
@@ -60,6 +60,7 @@ class WarpDevice:
         self.name = f"warp:{alias}"
         self.label = self._device.name
         self.real = real
+        self.on_build: Callable[[str], None] = quietly
         self._real = warp.float64 if real == np.float64 else warp.float32
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self._lane_array = importlib.import_module("gpubspline.kernels.lanes").LaneArray
@@ -101,9 +102,11 @@ class WarpDevice:
                 lanes = next(count for count in CPU_LANES if shape[-1] >= count)
             shape, last = (*shape[:-1], -(-shape[-1] // lanes)), [lanes]
         inputs = self._in_lanes(function, [self._argument(value) for value in args], lanes)
-        self._launch_shares(function, shape, inputs, last)
+        self._launch_shares(kernel, function, shape, inputs, last)
 
-    def _launch_shares(self, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]) -> None:
+    def _launch_shares(
+        self, kernel: str, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]
+    ) -> None:
         """Launch once for each thread; the start of its share of the outermost dimension is the argument ``first``."""
         shares = min(self._threads, shape[0]) if self._pool else 1
         bounds = np.linspace(0, shape[0], shares + 1).astype(int)
@@ -113,17 +116,19 @@ class WarpDevice:
             part = (stop - start, *shape[1:])
             self._warp.launch(function, part, inputs=[*inputs, start, *last], device=self._device)
 
-        if self._pool is None or shares == 1:
-            return run(0)
+        started = 0
         kinds = (function.key, tuple(getattr(value, "dtype", type(value)) for value in inputs))
         if kinds not in self._compiled:  # the first launch compiles, which two threads must not do at once
             self._compiled.add(kinds)
+            self.on_build(kernel)
             run(0)
-            shares_left = range(1, shares)
+            self.on_build("")
+            started = 1
+        if self._pool is None or shares == 1:
+            for share in range(started, shares):
+                run(share)
         else:
-            shares_left = range(shares)
-        list(self._pool.map(run, shares_left))
-        return None
+            list(self._pool.map(run, range(started, shares)))
 
     def _in_lanes(self, function: Any, inputs: list[Any], lanes: int) -> list[Any]:
         """See each lane array as overlapping vectors, one from every element on."""

@@ -19,17 +19,23 @@ class RunOptions:
     precision: Annotated[str, option("Run", "of the kernels", metavar="float32|float64")] = "float32"
     quiet: Annotated[bool, option("Run", "print warnings and errors only", "--quiet", "-q")] = False
 
+    _device = None  # what was opened
+
     def open(self) -> Any:
         """Open the device."""
         from gpubspline.device import open_device
 
-        return open_device(device_name(self.backend, self.device), self.precision)
+        self._device = open_device(device_name(self.backend, self.device), self.precision)
+        return self._device
 
     def clock(self) -> Any:
-        """Progress on stderr, where that is a terminal."""
+        """Progress on stderr, where that is a terminal; of the kernels of the device that was opened, too."""
         from gpubspline.progress import ShownClock
 
-        return ShownClock(shown=not self.quiet and sys.stderr.isatty())
+        clock = ShownClock(shown=not self.quiet and sys.stderr.isatty())
+        if self._device is not None:
+            self._device.on_build = clock.building
+        return clock
 
     def say(self, lines: list[str]) -> None:
         """Print the result, unless quiet."""
