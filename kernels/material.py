@@ -15,8 +15,10 @@ def power_law(
     offset: wp.array(dtype=Any),
     poisson: wp.array(dtype=Any),
     n_pieces: wp.int32,
-    density_slope: Any,
-    density_intercept: Any,
+    line_start: wp.array(dtype=Any),
+    line_slope: wp.array(dtype=Any),
+    line_intercept: wp.array(dtype=Any),
+    n_lines: wp.int32,
     policy: wp.int32,
     floor_modulus: Any,
     floor_poisson: Any,
@@ -29,7 +31,8 @@ def power_law(
 ):
     """Piece q holds lower[q] <= HU < upper[q] (the last one its upper end too).
 
-    E = factor rho^exponent + offset in MPa with rho = slope HU + intercept in g/cm3. HU outside every piece: policy 0
+    E = factor rho^exponent + offset in MPa with rho = slope HU + intercept in g/cm3 by the last
+    of the density's lines that starts at or below HU. HU outside every piece: policy 0
     moves it to the nearest end of a range, policy 1 keeps its density and gives the floor values. ``piece`` is the
     index used, or -1 - index where HU was outside.
     """
@@ -50,7 +53,11 @@ def power_law(
                 used = q
     if not inside and policy == 0:
         value = nearest
-    rho = wp.max(density_slope * value + density_intercept, hu.dtype(0.0))
+    line = wp.int32(0)
+    for q in range(1, n_lines):
+        if value >= line_start[q]:
+            line = q
+    rho = wp.max(line_slope[line] * value + line_intercept[line], hu.dtype(0.0))
     density[i] = rho
     piece[i] = wp.where(inside, used, -1 - used)
     if not inside and policy == 1:

@@ -61,3 +61,10 @@ def is_a(value: Any, kind: type) -> bool:
     if kind is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
     return isinstance(value, kind)
+
+
+def pair(value: Any, where: str) -> tuple[float, float]:
+    """Two numbers of a table; raises InputError for anything else."""
+    if not (isinstance(value, list) and len(value) == 2 and all(is_a(number, float) for number in value)):
+        raise InputError(f"expected two numbers in {where}, got {value!r}")
+    return float(value[0]), float(value[1])

@@ -1,51 +1,13 @@
 """Material laws: HU to density to Young's modulus, one power law per piece of the HU axis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from gpubspline.errors import InputError
-
-DENSITY_KINDS = ("apparent", "ash", "QCT")
-"""Wet mass, mineral mass, and calibrated mineral equivalent, each over the bulk volume: never interchangeable."""
-
-
-@dataclass(frozen=True)
-class DensityRelation:
-    """The straight line from HU to density, ``rho = slope * HU + intercept``, cut off at 0 from below.
-
-    Attributes
-    ----------
-    kind: which density the line gives, one of ``DENSITY_KINDS``.
-    slope_g_cm3_per_hu, intercept_g_cm3: the line.
-    source: where the line comes from.
-
-    Raises
-    ------
-    InputError for a kind that does not exist or a line that does not rise.
-    """
-
-    kind: str
-    slope_g_cm3_per_hu: float
-    intercept_g_cm3: float = 0.0
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the line once, at the door."""
-        if self.kind not in DENSITY_KINDS:
-            raise InputError(f"expected a density kind of {', '.join(DENSITY_KINDS)}, got {self.kind!r}")
-        if not (np.isfinite(self.intercept_g_cm3) and 0 < self.slope_g_cm3_per_hu < np.inf):
-            line = f"{self.slope_g_cm3_per_hu:g} HU + {self.intercept_g_cm3:g}"
-            raise InputError(f"expected a density that rises with HU, got rho = {line}")
-
-    def density_g_cm3(self, hu: float) -> float:
-        """Density at one HU value."""
-        return max(self.slope_g_cm3_per_hu * hu + self.intercept_g_cm3, 0.0)
-
-    def hu(self, density_g_cm3: float) -> float:
-        """HU of a density: the line read backwards."""
-        return (density_g_cm3 - self.intercept_g_cm3) / self.slope_g_cm3_per_hu
+from gpubspline.material.density import DENSITY_KINDS as DENSITY_KINDS
+from gpubspline.material.density import DensityRelation as DensityRelation
 
 
 @dataclass(frozen=True)
@@ -97,6 +59,10 @@ class Law:
     density: the relation from HU to the density that the powers take.
     pieces: the power laws, by rising HU.
     site: the anatomical site it was measured at.
+    direction: of the modulus in the bone, such as ``"axial"``.
+    strain_rate_per_s: at which it was measured or, where it is a variable of the law, is evaluated; None if unknown.
+    specimens_g_cm3: least and greatest density of the specimens, of the law's kind; None if unknown. Beyond it the law
+        is an extrapolation, which outputs count.
     citation: the source of the powers.
     unconfirmed: the parts that could not be confirmed from the source; outputs that use the law repeat them.
     notes: what its user should know.
@@ -111,6 +77,9 @@ class Law:
     density: DensityRelation
     pieces: tuple[Piece, ...]
     site: str = ""
+    direction: str = ""
+    strain_rate_per_s: float | None = None
+    specimens_g_cm3: tuple[float, float] | None = None
     citation: str = ""
     unconfirmed: tuple[str, ...] = ()
     notes: str = ""
@@ -124,6 +93,12 @@ class Law:
             if low.upper_hu > high.lower_hu:
                 ranges = f"{low.lower_hu:g} to {low.upper_hu:g} and {high.lower_hu:g} to {high.upper_hu:g}"
                 raise InputError(f"expected pieces that do not overlap in the law {self.name!r}, got HU {ranges}")
+        rate, specimens = self.strain_rate_per_s, self.specimens_g_cm3
+        if rate is not None and not 0 < rate < np.inf:
+            raise InputError(f"expected a positive strain rate in the law {self.name!r}, got {rate:g} per second")
+        if specimens is not None and not 0 <= specimens[0] < specimens[1] < np.inf:
+            got = f"{specimens[0]:g} to {specimens[1]:g}"
+            raise InputError(f"expected densities of specimens that rise in the law {self.name!r}, got {got} g/cm3")
         for piece in pieces:  # E rises with rho, so its least value is at the lower end
             least = piece.modulus_mpa(self.density.density_g_cm3(piece.lower_hu))
             if least <= 0:
@@ -135,6 +110,29 @@ class Law:
     def range_hu(self) -> tuple[float, float]:
         """The lowest and the highest HU the law speaks of; there may be gaps between."""
         return self.pieces[0].lower_hu, self.pieces[-1].upper_hu
+
+    @property
+    def all_unconfirmed(self) -> tuple[str, ...]:
+        """What could not be confirmed, of the law and of the steps to its density."""
+        return (*self.unconfirmed, *self.density.unconfirmed)
+
+    def calibrated(self, relation: DensityRelation) -> "Law":
+        """Take the density from another relation, such as a calibration of the scanner.
+
+        The relation is gone on from to the law's kind of density. Each piece keeps the densities at its ends, and with
+        them every density its modulus; its HU change.
+        """
+        relation = relation.to(self.density.kind)
+
+        def moved(hu: float) -> float:
+            return relation.hu(self.density.slope_g_cm3_per_hu * hu + self.density.intercept_g_cm3)
+
+        if self.density.table:
+            raise InputError(f"expected a law of one line from HU to calibrate, got {self.name!r}, which has a table")
+        pieces = tuple(
+            replace(piece, lower_hu=moved(piece.lower_hu), upper_hu=moved(piece.upper_hu)) for piece in self.pieces
+        )
+        return replace(self, density=relation, pieces=pieces)
 
     def jumps(self) -> list[tuple[float, float, float]]:
         """List where the modulus steps by more than 1 %: (HU, MPa below, MPa above) of each such boundary."""

@@ -89,10 +89,11 @@ def _launch(device: Device, hu: Any, law: Law, policy: str, floor_modulus: float
     n = int(np.prod(hu.shape))
     density, modulus, poisson = device.empty(n), device.empty(n), device.empty(n)
     piece = device.empty(n, np.int32)
-    slope, intercept = float(law.density.slope_g_cm3_per_hu), float(law.density.intercept_g_cm3)
+    lines = [device.put(np.array(column)) for column in zip(*law.density.lines, strict=True)]
     floor = (int(policy == "floor"), float(floor_modulus), float(floor_poisson))
     results = (density, modulus, poisson, piece)
-    device.launch("material.power_law", n, hu, *columns, len(law.pieces), slope, intercept, *floor, n, *results)
+    given = (hu, *columns, len(law.pieces), *lines, len(law.density.lines), *floor)
+    device.launch("material.power_law", n, *given, n, *results)
     return Material(law, policy, *(device.get(buffer) for buffer in results))
 
 

@@ -7,17 +7,22 @@ A file holds one table per law::
     site = "proximal femur"                              # optional, as are citation, notes and unconfirmed
     citation = "Morgan, Bayraktar, Keaveny, J Biomech 36 (2003) 897-904"
     unconfirmed = ["Poisson's ratio"]
+    direction = "axial"                                  # optional, as are the next two
+    strain_rate_per_s = 0.005
+    specimens_g_cm3 = [0.26, 0.75]                       # densities it was measured at
 
     [my-femur.density]                                   # rho = slope * HU + intercept, g/cm3, never below 0
     kind = "apparent"                                    # or "ash" or "QCT"
-    slope_g_cm3_per_hu = 0.00116                         # or points = [[HU, g/cm3], [HU, g/cm3]]
+    slope_g_cm3_per_hu = 0.00116                         # or points = [[HU, g/cm3], [HU, g/cm3], ...]
     intercept_g_cm3 = 0.0
-    source = "calibration phantom"
+    source = "calibration phantom"                       # or, for all four, chain = ["eq-3.7", "ash-from-apparent"]:
+                                                         # steps of conversions.toml, the first from HU
 
     [[my-femur.pieces]]                                  # E = factor * rho**exponent + offset, once or more
     hu = [100.0, 1500.0]                                 # lower <= HU < upper; or density_g_cm3 = [lower, upper]
     factor_mpa = 6850.0
     exponent = 1.49
+    rate_exponent = 0.06                                 # optional: times strain_rate_per_s**rate_exponent
     offset_mpa = 0.0                                     # optional, 0
     poisson = 0.3
 """
@@ -30,8 +35,9 @@ from types import MappingProxyType
 from typing import Any
 
 from gpubspline.errors import InputError
-from gpubspline.material.laws import DensityRelation, Law, Piece
-from gpubspline.tables import checked, is_a, parse, read_text
+from gpubspline.material.density import DensityRelation, conversion, first_step
+from gpubspline.material.laws import Law, Piece
+from gpubspline.tables import checked, pair, parse, read_text
 
 DEFAULT_LAW = "wirtz-2000"
 """Eqs 3.6 and 3.7 of the paper."""
@@ -90,58 +96,85 @@ def _law(name: str, table: Any, where: str) -> Law:
         table,
         f"the law {where}",
         required={"title": str, "density": dict, "pieces": list},
-        optional={"site": str, "citation": str, "unconfirmed": list, "notes": str},
+        optional={
+            "site": str,
+            "direction": str,
+            "strain_rate_per_s": float,
+            "specimens_g_cm3": list,
+            "citation": str,
+            "unconfirmed": list,
+            "notes": str,
+        },
     )
     try:
-        density = _density(fields.pop("density"))
-        pieces = tuple(_piece(piece, number, density) for number, piece in enumerate(fields.pop("pieces"), start=1))
+        density, rate = read_density(fields.pop("density")), fields.get("strain_rate_per_s")
+        pieces = tuple(
+            _piece(piece, number, density, rate) for number, piece in enumerate(fields.pop("pieces"), start=1)
+        )
         unconfirmed = tuple(str(part) for part in fields.pop("unconfirmed", ()))
+        if "specimens_g_cm3" in fields:
+            fields["specimens_g_cm3"] = pair(fields["specimens_g_cm3"], "specimens_g_cm3")
         return Law(name, density=density, pieces=pieces, unconfirmed=unconfirmed, **fields)
     except InputError as error:
         raise InputError(f"the law {where}: {error}") from None
 
 
-def _density(table: Any) -> DensityRelation:
+def read_density(table: Any) -> DensityRelation:
+    """Read the table ``[density]`` of a law; raises InputError where it is not of the schema."""
     fields = checked(
         table,
         "[density]",
         required={"kind": str},
-        optional={"points": list, "slope_g_cm3_per_hu": float, "intercept_g_cm3": float, "source": str},
+        optional={
+            "points": list,
+            "slope_g_cm3_per_hu": float,
+            "intercept_g_cm3": float,
+            "source": str,
+            "chain": list,
+        },
     )
-    if ("points" in fields) == ("slope_g_cm3_per_hu" in fields):
-        raise InputError("expected either points or slope_g_cm3_per_hu in [density], got both or neither")
-    if "points" in fields:
-        fields |= _line(fields.pop("points"), "intercept_g_cm3" in fields)
-    return DensityRelation(**fields)
+    if sum(key in fields for key in ("points", "slope_g_cm3_per_hu", "chain")) != 1:
+        raise InputError(
+            "expected either points, slope_g_cm3_per_hu or chain in [density], got none of them or several"
+        )
+    if "chain" in fields:
+        return _chain(fields.pop("chain"), **fields)
+    if "points" not in fields:
+        return DensityRelation(**fields)
+    if "intercept_g_cm3" in fields:
+        raise InputError("expected points alone in [density], got an intercept_g_cm3 beside them")
+    points = tuple(pair(point, "a point of [density]") for point in fields.pop("points"))
+    return DensityRelation.from_points(points=points, **fields)
 
 
-def _line(points: Any, has_intercept: bool) -> dict[str, float]:
-    pairs = [_pair(point, "a point of [density]") for point in points]
-    if len(pairs) != 2 or has_intercept or pairs[0][0] == pairs[1][0]:
-        raise InputError(f"expected two points (HU, g/cm3) and no intercept in [density], got {points}")
-    (hu_0, density_0), (hu_1, density_1) = pairs
-    slope = (density_1 - density_0) / (hu_1 - hu_0)
-    return {"slope_g_cm3_per_hu": slope, "intercept_g_cm3": density_0 - slope * hu_0}
+def _chain(names: list[Any], kind: str, **others: Any) -> DensityRelation:
+    if others or not names:
+        raise InputError(f"expected kind and chain alone in [density], got {', '.join(others) or 'an empty chain'}")
+    found = first_step(str(names[0]))
+    for name in names[1:]:
+        step = conversion(str(name))
+        found = found.then(step if step.takes == found.kind else step.reversed())
+    if found.kind != kind:
+        raise InputError(f"expected a chain to the density {kind}, got {' -> '.join(map(str, names))}: {found.kind}")
+    return found
 
 
-def _piece(table: Any, number: int, density: DensityRelation) -> Piece:
+def _piece(table: Any, number: int, density: DensityRelation, rate: float | None) -> Piece:
     fields = checked(
         table,
         f"piece {number}",
         required={"factor_mpa": float, "exponent": float, "poisson": float},
-        optional={"hu": list, "density_g_cm3": list, "offset_mpa": float},
+        optional={"hu": list, "density_g_cm3": list, "offset_mpa": float, "rate_exponent": float},
     )
     if ("hu" in fields) == ("density_g_cm3" in fields):
         raise InputError(f"expected either hu or density_g_cm3 in piece {number}, got both or neither")
     if "hu" in fields:
-        lower, upper = _pair(fields.pop("hu"), f"hu of piece {number}")
+        lower, upper = pair(fields.pop("hu"), f"hu of piece {number}")
     else:
-        ends = _pair(fields.pop("density_g_cm3"), f"density_g_cm3 of piece {number}")
+        ends = pair(fields.pop("density_g_cm3"), f"density_g_cm3 of piece {number}")
         lower, upper = (density.hu(end) for end in ends)
+    if "rate_exponent" in fields:
+        if rate is None:
+            raise InputError(f"expected a strain_rate_per_s for the rate_exponent of piece {number}, got none")
+        fields["factor_mpa"] *= rate ** fields.pop("rate_exponent")
     return Piece(lower, upper, **fields)
-
-
-def _pair(value: Any, where: str) -> tuple[float, float]:
-    if not (isinstance(value, list) and len(value) == 2 and all(is_a(number, float) for number in value)):
-        raise InputError(f"expected two numbers in {where}, got {value!r}")
-    return float(value[0]), float(value[1])
