@@ -134,7 +134,7 @@ class DensityRelation:
         """(HU from which it holds, slope, intercept) of each straight line, by rising HU; the first has no start."""
         if not self.table:
             return ((-np.inf, self.slope_g_cm3_per_hu, self.intercept_g_cm3),)
-        found = []
+        found: list[tuple[float, float, float]] = []
         for (hu_0, rho_0), (hu_1, rho_1) in pairwise(self.table):
             slope = (rho_1 - rho_0) / (hu_1 - hu_0)
             found.append((hu_0 if found else -np.inf, slope, rho_0 - slope * hu_0))

@@ -76,8 +76,17 @@ def describe_law(law: Law, policy: str | None) -> dict[str, Any]:
         "citation": law.citation,
         "density": law.density.kind,
         "density_source": law.density.source,
+        "density_steps": [
+            {"name": step.name, "takes": step.takes, "gives": step.gives, "source": step.source}
+            | {"slope": step.slope, "intercept": step.intercept}
+            for step in law.density.steps
+        ],
+        "site": law.site,
+        "direction": law.direction,
+        "strain_rate_per_s": law.strain_rate_per_s,
+        "specimens_g_cm3": law.specimens_g_cm3 and list(law.specimens_g_cm3),
         "range_hu": list(law.range_hu),
-        "unconfirmed": list(law.unconfirmed),
+        "unconfirmed": list(law.all_unconfirmed),
         "out_of_range_policy": policy,
     }
 

@@ -10,4 +10,6 @@ def laws() -> None:
     from gpubspline.cli import describe
     from gpubspline.material.registry import laws as registered
 
-    RunOptions().say([line for law in registered().values() for line in describe.law_lines(law)])
+    RunOptions().say(
+        [line for law in registered().values() for line in describe.law_lines(law)] + describe.step_lines()
+    )
