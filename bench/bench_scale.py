@@ -33,14 +33,14 @@ def rows(host: Host) -> Iterator[Row]:
         nodes = counts[0] * counts[1] * counts[2]
         options = ["--control", CONTROL[host.scale], "--nodes", ",".join(map(str, counts)), "--quiet"]
         command = [sys.executable, "-m", "gpubspline", "mesh", str(series), *options, "-o", str(output)]
-        seconds, peak = _watched(command)
+        seconds, peak = watched(command)
         if not output.stat().st_size > 28 * nodes:
             raise WrongResult(f"expected {output.name} to hold seven values of {nodes} nodes, got a smaller file")
         output.unlink()
         yield Row("scale", f"{nodes:,} nodes to .vts", open_device().name, seconds, nodes, peak_bytes=peak)
 
 
-def _watched(command: Sequence[str]) -> tuple[float, int | None]:
+def watched(command: Sequence[str]) -> tuple[float, int | None]:
     """Seconds and peak memory (None where there is no /proc) of a process.
 
     What the system tells of one that has ended includes its parent's memory from before it became another program.

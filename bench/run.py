@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gpubspline.bench import (
     bench_bandwidth,
+    bench_elasticity,
     bench_evaluate,
     bench_fused,
     bench_lattice,
@@ -33,6 +34,9 @@ ON_DEVICES: dict[str, Callable[[Place], Iterator[Row]]] = {
     "material": bench_material.rows,
     "fused": bench_fused.rows,
     "resample": bench_resample.rows,
+    "elasticity-operator": bench_elasticity.operator,
+    "elasticity-solve": bench_elasticity.solves,
+    "elasticity-growth": bench_elasticity.growth,
     "start-up": bench_start_up.first_kernels,
 }
 ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {
@@ -92,8 +96,8 @@ def heading() -> str:
     return "\n".join(
         [
             "; ".join([machine, *labels]) + ".",
-            "Of bandwidth: the time that the bytes which must move would take alone, over the time taken; of files, by "
-            "plain writing or reading.",
+            "Of bandwidth: the time that the bytes which must move (of elasticity, or operations) would take alone, "
+            "over the time taken; of files, by plain writing or reading.",
             "",
             "| work | size | device | time | rate | of bandwidth | times faster than |",
             "|---|---|---|---|---|---|---|",
