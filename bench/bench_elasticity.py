@@ -11,7 +11,7 @@ the inverse block, and 3 written, 258 numbers in float32; held against ``triad``
 
 CalculiX gets the same mesh, loads and moduli as a deck; its time is that of its process, reading and stress included,
 ours that of ``solve``, from a mesh in memory to displacements. Both solve the proximal femur of a child, held at its
-cut end, in the stance of the paper, with a modulus that is even in each element and varies two hundredfold between them.
+cut end, in the stance of the paper, with a modulus that is even in each element and varies 200-fold between them.
 CalculiX's displacements are compared with ours before its time counts: 1e-6 of the largest for SPOOLES, 1e-3 for its
 iterative solvers, which stop earlier than ours does.
 """
