@@ -89,7 +89,7 @@ def operator(place: Place) -> Iterator[Row]:
         check("the operator by its formula", forces.reshape(24, -1), _forces(mesh, u, some).reshape(24, -1), 1e-4)
         seconds = best_of(recorder.replay)
         moved = BYTES[precision] / place.triad
-        done = OPERATIONS / arithmetic(device, 1 << 16 if place.scale != "tiny" else 1 << 8)
+        done = OPERATIONS / arithmetic(device.name, precision, 1 << 16 if place.scale != "tiny" else 1 << 8)
         size = f"{mesh.n_elements:,} hex8, {precision}"
         floor = mesh.n_elements * max(moved, done)
         yield Row("elasticity-operator", size, place.device.name, seconds, mesh.n_elements, floor / seconds)
@@ -117,9 +117,10 @@ def _forces(mesh: Mesh, u: Floats, elements: NDArray[Any]) -> Floats:
 
 
 @cache
-def arithmetic(device: Device, n: int) -> float:
+def arithmetic(name: str, precision: str, n: int) -> float:
     """Operations a second of products and sums in registers, on ``n`` elements."""
-    rounds, start = 1000, device.put(np.random.default_rng(7).random(n))
+    device, rounds = open_device(name, precision), 1000
+    start = device.put(np.random.default_rng(7).random(n))
     out = device.empty(n)
 
     def run() -> None:
