@@ -9,8 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gpubspline.analysis.load_case import load_case
+from gpubspline.analysis.response import respond
+from gpubspline.clock import Clock
 from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import region_from_threshold
+from gpubspline.device import open_device
 from gpubspline.export import read_mesh, write
 from gpubspline.export.modulus_bins import element_means
 from gpubspline.material.mapping import apply_material
@@ -122,6 +126,47 @@ def test_a_femur_is_in_balance_under_a_unit_axial_load(order, tmp_path, device64
     mesh, material = apply_material(mesh, device=device64)
     forces = solve(mesh, tmp_path, axial_load(mesh.node_sets["w1"]), law=material.law)
     np.testing.assert_allclose(forces["W0"].sum(axis=0), [0, 0, 1], atol=1e-6)
+
+
+def displacement(mesh, folder, **options):
+    """Displacement (n, 3) of a deck with a load case, mm, and what ``write`` said of it."""
+    figures = write(mesh, folder / "written.inp", **options)
+    asked = "*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\n"
+    solve_deck((folder / "written.inp").read_text().replace("*NODE FILE\n", asked), folder)
+    table = re.search(r"displacements .*?\n\n((?:\s+\d+\s.*\n)+)", (folder / "model.dat").read_text())[1]
+    return np.array([[float(v) for v in row.split()[1:]] for row in table.splitlines()]), figures
+
+
+def difference(found, expected):
+    """Root mean square over the nodes, of the expected."""
+    return np.linalg.norm(found - expected) / np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("units", ["mm-N-MPa", "m-N-Pa"])
+@pytest.mark.parametrize("element_type", ["hex8", "hex20"])
+def test_a_load_case_moves_the_deck_as_it_moves_our_own_mesh(element_type, units, femur, femur20, all_loads, tmp_path):
+    """Force, pressure on whole and on parts of faces, gravity, a moved support; one modulus, so that nothing else."""
+    mesh = femur if element_type == "hex8" else femur20
+    ones = np.ones(mesh.n_nodes)
+    mesh = mesh.with_fields({"HU": 900 * ones, "E_MPa": 700 * ones, "nu": 0.3 * ones, "density_g_cm3": 1.1 * ones})
+    ours = respond(mesh, all_loads, open_device("opencl", "float64"), Clock(), tolerance=1e-10)
+    found, figures = displacement(mesh, tmp_path, load=all_loads, units=units)
+    scale = 1e3 if units == "m-N-Pa" else 1.0
+    assert difference(scale * found, ours.solution.displacement_mm) < 2e-6
+    np.testing.assert_allclose(figures["load"]["total_n"], ours.loads.applied_n, rtol=1e-12)
+
+
+def test_the_error_of_bins_falls_with_their_number(femur, tmp_path):
+    """Stance, against our own solve with the mean modulus of each element's nodes: what is left is the binning."""
+    case = load_case("stance")
+    ours = respond(femur, case, open_device("opencl", "float64"), Clock(), modulus="element", tolerance=1e-10)
+    errors, stated = [], []
+    for bins in (4, 16, 64, 4096):
+        found, figures = displacement(femur, tmp_path, load=case, modulus_bins=bins)
+        errors.append(difference(found, ours.solution.displacement_mm))
+        stated.append(figures["modulus"]["mean_error"])
+    assert (np.diff(stated) < 0).all()
+    assert errors[0] > 3 * errors[1] and errors[1] > 3 * errors[2] and errors[3] < 3e-4, errors
 
 
 @pytest.mark.slow

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from gpubspline.errors import GpubsplineWarning, InputError
-from gpubspline.export import can_read, check_extension, extensions, read_mesh, write
+from gpubspline.export import can_read, check_extension, extensions, formats, read_mesh, write
 from gpubspline.export.other import FORMATS
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
-OTHER = {extension: (form.element_types, form.nodal, form.elemental) for extension, form in FORMATS.items()}
+OTHER = {e: (f.element_types, f.fields, f.cell_fields) for f in FORMATS for e in f.extensions}
 WHOLE = {extension: (MESHABLE, True, True) for extension in (".vtu", ".vtkhdf")}
 HELD = {**WHOLE, ".vts": (("quad4", "hex8"), True, True), **OTHER}
 CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
@@ -50,7 +50,7 @@ def write_quietly(mesh, path):
 
 
 def needs(extension):
-    package = FORMATS[extension].needs if extension in FORMATS else "h5py" if extension == ".vtkhdf" else ""
+    package = {extension: form.needs for form in formats().values() for extension in form.extensions}[extension]
     if package:
         pytest.importorskip(package)
 
@@ -214,7 +214,7 @@ def test_a_folder_that_is_not_there(tmp_path):
 
 def test_bins_are_an_option_of_decks_only(tmp_path):
     for extension in (".vtu", ".vts", ".vtk", ".vtkhdf"):
-        with pytest.raises(InputError, match=r"with a \.inp deck only"):
+        with pytest.raises(InputError, match=rf"modulus bins with a deck.*got \{extension}"):
             write(model("hex8"), tmp_path / f"model{extension}", modulus_bins=3)
 
 

@@ -1,70 +1,128 @@
-"""Writing and reading meshes: one file per format, found by its extension."""
+"""Writing and reading meshes and models: one file per format, found by its extension or its name."""
 
 import importlib
 import pkgutil
 from functools import lru_cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from gpubspline.analysis.load_case import LoadCase, load_case
 from gpubspline.errors import InputError
+from gpubspline.export.deck import Wanted, make_deck
+from gpubspline.export.formats import Format
 from gpubspline.export.read import read_mesh as read_mesh
+from gpubspline.export.units import DEFAULT_UNITS, find_units
 from gpubspline.files import check_writable
+from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
 
 
 @lru_cache(maxsize=1)
-def _formats() -> dict[str, ModuleType]:
-    """Modules of this folder that write files, by extension: those with ``EXTENSIONS`` and ``write``."""
-    found = {}
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
-        found.update({extension: module for extension in getattr(module, "EXTENSIONS", ())})
-    return found
+def formats() -> dict[str, Format]:
+    """Every format that can be written, by name: the ``FORMATS`` of this folder's modules."""
+    modules = [importlib.import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
+    return {form.name: form for module in modules for form in getattr(module, "FORMATS", ())}
+
+
+@lru_cache(maxsize=1)
+def _by_extension() -> dict[str, Format]:
+    return {extension: form for form in formats().values() for extension in form.extensions}
 
 
 def extensions() -> tuple[str, ...]:
     """Extensions of every format that can be written, ``.vtu`` and ``.inp`` first."""
-    return tuple(sorted(_formats(), key=lambda extension: (extension not in (".vtu", ".inp"), extension)))
+    return tuple(sorted(_by_extension(), key=lambda extension: (extension not in (".vtu", ".inp"), extension)))
+
+
+def find_format(path: str | Path, name: str | None = None) -> Format:
+    """Format by name, or by the extension of a file where that is None.
+
+    Raises
+    ------
+    InputError where there is none, or a package that it needs is not installed.
+    """
+    if name is not None and name not in formats():
+        raise InputError(f"expected a format of {', '.join(sorted(formats()))}, got {name!r}")
+    extension = Path(path).suffix.lower()
+    if name is None and extension not in _by_extension():
+        raise InputError(f"expected a mesh file of {', '.join(extensions())}, got {Path(path).name!r}")
+    form = _by_extension()[extension] if name is None else formats()[name]
+    form.check_needs(extension if name is None else name)
+    return form
 
 
 def check_extension(path: str | Path) -> None:
     """Raise ``InputError`` where no format that can be written has the extension, before any work is done for it."""
-    extension = Path(path).suffix.lower()
-    if extension not in _formats():
-        raise InputError(f"expected a mesh file of {', '.join(extensions())}, got {Path(path).name!r}")
-    if hasattr(_formats()[extension], "check"):
-        _formats()[extension].check(extension)
+    find_format(path)
 
 
 def can_read(path: str | Path) -> bool:
     """Whether ``read_mesh`` knows the extension of ``path``."""
-    return Path(path).suffix.lower() in _formats()
+    return Path(path).suffix.lower() in _by_extension()
 
 
-def write(mesh: Mesh, path: str | Path, **options: Any) -> None:
-    """Write a mesh in the format of the extension, whole or not at all.
+def write(
+    model: Any,
+    path: str | Path,
+    *,
+    format: str | None = None,
+    units: str = DEFAULT_UNITS,
+    load: LoadCase | str | Path | None = None,
+    law: Law | None = None,
+    modulus_bins: int | None = None,
+    nodal_modulus: bool = False,
+    thickness_mm: float = 1.0,
+    step: str = "",
+) -> dict[str, Any]:
+    """Write a mesh or a model in the format of the extension, whole or not at all.
+
+    Labels start at 1. A deck carries the modulus by node where its solver can, else as element sets binned by modulus,
+    the error of which it states.
 
     Arguments
     ---------
-    mesh: with all fields and sets that are to be written.
+    model: a mesh with all fields and sets that are to be written, or what has one as ``mesh``.
     path: a file in an existing folder.
-    options: of the format, see ``abaqus.write``; every format takes ``law``, the material law to cite.
+    format: name of a format, where not the one of the extension.
+    units: ``"mm-N-MPa"`` or ``"m-N-Pa"``; fields whose names end in a unit are converted and renamed.
+    load: a load case, or its name or file as ``load_case`` takes it: its regions become node sets and surfaces, its
+        supports, forces, pressures and gravity the deck's.
+    law: the material law to cite.
+    modulus_bins: element sets by modulus, instead of a modulus by node.
+    nodal_modulus: refuse a format that holds no modulus by node.
+    thickness_mm: of quads, which are shells in decks.
+    step: text that ends an ``.inp`` deck, such as ``*STEP`` to ``*END STEP``.
+
+    Returns
+    -------
+    What was written, for a summary: format, units, means of the modulus with its error, total load.
 
     Raises
     ------
-    InputError for an unknown extension or option, a folder that is not there or not writable, a field that is not
-    finite, or a format that cannot hold the elements. What else a format cannot hold is warned of.
+    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a field
+    that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that it cannot hold
+    are warned of.
     """
-    path = Path(path)
-    check_extension(path)
+    path, mesh = Path(path), getattr(model, "mesh", model)
+    form = find_format(path, format)
     check_writable(path)
+    _check_finite(mesh)
+    asked = {"binned": modulus_bins is not None, "nodal": nodal_modulus, "loads": load is not None}
+    form.check_holds(format or path.suffix.lower(), element_type=mesh.element_type, **asked)
+    if step and (load is not None or form.name != "abaqus"):
+        raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
+    case = load if load is None or isinstance(load, LoadCase) else load_case(load)
+    deck = make_deck(mesh, form, Wanted(find_units(units), law, modulus_bins, case, thickness_mm, step))
+    form.write(deck, path)
+    return deck.figures
+
+
+def _check_finite(mesh: Mesh) -> None:
     for name, values in {**mesh.fields, **mesh.cell_fields}.items():
         if not np.isfinite(values).all():
             bad = int(np.count_nonzero(~np.isfinite(values)))
             raise InputError(
                 f"expected finite values in the field {name}, got NaN or infinity in {bad} of {values.size}"
             )
-    _formats()[path.suffix.lower()].write(mesh, path, **options)

@@ -24,6 +24,7 @@ class ModulusBins:
     density_g_cm3: (b,) the same, or None where the mesh has none.
     largest_error, mean_error: of the bins' moduli against their elements', relative.
     poisson_error: the largest, absolute.
+    source: what an element's modulus was taken from, in words.
     """
 
     members: list[NDArray[Any]]
@@ -33,12 +34,13 @@ class ModulusBins:
     largest_error: float
     mean_error: float
     poisson_error: float
+    source: str
 
 
 def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
     """Gather elements in bins of modulus, spaced evenly in its logarithm, so that the relative error is even.
 
-    An element's modulus is the mean of its nodes'.
+    An element's modulus is its element field ``E_MPa``, or the mean of its nodes' where the mesh has none.
 
     Raises
     ------
@@ -46,7 +48,7 @@ def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
     """
     if bins < 1:
         raise InputError(f"expected at least 1 modulus bin, got {bins}")
-    modulus = element_means(mesh, "E_MPa")
+    modulus = element_values(mesh, "E_MPa")
     if modulus.min() <= 0:
         raise InputError(f"expected positive moduli, got {modulus.min():g} MPa")
     logarithm = np.log(modulus)
@@ -57,17 +59,25 @@ def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
     def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.bincount(place, values) / counts)
 
-    poisson = element_means(mesh, "nu")
-    error = np.abs(mean(modulus)[place] / modulus - 1)
+    poisson = element_values(mesh, "nu")
+    error, known = np.abs(mean(modulus)[place] / modulus - 1), {*mesh.fields, *mesh.cell_fields}
     return ModulusBins(
         members=[np.flatnonzero(place == b) for b in range(len(present))],
         modulus_mpa=mean(modulus),
         poisson=mean(poisson),
-        density_g_cm3=mean(element_means(mesh, "density_g_cm3")) if "density_g_cm3" in mesh.fields else None,
+        density_g_cm3=mean(element_values(mesh, "density_g_cm3")) if "density_g_cm3" in known else None,
         largest_error=float(error.max()),
         mean_error=float(error.mean()),
         poisson_error=float(np.abs(mean(poisson)[place] - poisson).max()),
+        source="the modulus of each" if "E_MPa" in mesh.cell_fields else "the mean modulus of its nodes",
     )
+
+
+def element_values(mesh: Mesh, field: str) -> NDArray[np.float64]:
+    """Values (m,) of an element field, or the means of the nodal field of that name where there is none."""
+    if field in mesh.cell_fields:
+        return np.asarray(mesh.cell_fields[field], dtype=np.float64)
+    return element_means(mesh, field)
 
 
 def element_means(mesh: Mesh, field: str) -> NDArray[np.float64]:

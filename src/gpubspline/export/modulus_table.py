@@ -20,6 +20,9 @@ from gpubspline.errors import InputError
 TOLERANCE = 1e-4
 """Relative; a tenth of the third digit, which no density calibration has."""
 
+LOOSEST = 0.02
+"""Relative; beyond it bins tell the truth better."""
+
 MOST_ROWS = 10_000
 """A material that needs more is no function of its carrier but noise; the laws need a few hundred."""
 
@@ -47,8 +50,13 @@ class ModulusTable:
     error: float
 
 
-def modulus_table(fields: dict[str, NDArray[Any]]) -> ModulusTable:
+def modulus_table(fields: dict[str, NDArray[Any]], most_rows: int | None = None) -> ModulusTable:
     """Tabulate nodal fields ``E_MPa``, ``nu`` and ``density_g_cm3`` along ``HU``, or along ``E_MPa`` where that fails.
+
+    Arguments
+    ---------
+    most_rows: that the solver takes, or None for any number; where ``TOLERANCE`` needs more, the tolerance is doubled
+        until they suffice, up to ``LOOSEST``.
 
     Raises
     ------
@@ -60,8 +68,11 @@ def modulus_table(fields: dict[str, NDArray[Any]]) -> ModulusTable:
     for carrier in ("HU", "E_MPa"):
         if carrier not in fields:
             continue
-        found = _tabulate(fields[carrier], [fields[name] for name in names])
-        if found is not None:
+        found, tolerance = _tabulate(fields[carrier], [fields[name] for name in names], TOLERANCE), TOLERANCE
+        while found is not None and most_rows is not None and found[0].shape[1] > most_rows and tolerance < LOOSEST:
+            tolerance *= 2
+            found = _tabulate(fields[carrier], [fields[name] for name in names], tolerance)
+        if found is not None and found[0].shape[1] <= (most_rows or MOST_ROWS):
             (at, *columns), error = found
             return ModulusTable(carrier, at, dict(zip(names, columns, strict=True)), error)
     raise InputError(
@@ -69,7 +80,7 @@ def modulus_table(fields: dict[str, NDArray[Any]]) -> ModulusTable:
     )
 
 
-def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]]) -> tuple[Floats, float] | None:
+def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float) -> tuple[Floats, float] | None:
     """Rows (1 + c, r) that suffice for every node, and the largest relative error left; None where no rows do.
 
     The nodes are gone through in parts, a sample of them all first, until none adds a row.
@@ -87,7 +98,7 @@ def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]]) -> tuple[Floats,
     while True:
         n_rows, error = table.shape[1], 0.0
         for part in parts:
-            refined = _refined(table, values(part))
+            refined = _refined(table, values(part), tolerance)
             if refined is None:
                 return None
             table, left = refined
@@ -96,7 +107,7 @@ def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]]) -> tuple[Floats,
             return table, error
 
 
-def _refined(table: Floats, nodes: Floats) -> tuple[Floats, float] | None:
+def _refined(table: Floats, nodes: Floats, tolerance: float) -> tuple[Floats, float] | None:
     """Table (1 + c, r) with as many of the nodes (1 + c, k) as rows as the others need, and the error left.
 
     Douglas and Peucker's way: every segment that errs too much somewhere is split where it errs most. None where a node
@@ -104,7 +115,7 @@ def _refined(table: Floats, nodes: Floats) -> tuple[Floats, float] | None:
     """
     while True:
         error = _relative_error(table, nodes)
-        wrong = np.flatnonzero(error > TOLERANCE)
+        wrong = np.flatnonzero(error > tolerance)
         if wrong.size == 0:
             return table, float(error.max())
         segment = np.searchsorted(table[0], nodes[0, wrong], side="right")

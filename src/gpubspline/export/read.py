@@ -46,10 +46,10 @@ def read_mesh(path: str | Path) -> Mesh:
 def _read_grid(path: Path) -> Mesh | None:
     """Mesh of a file of VTK's that can be read without meshio; None where meshio is to try."""
     extension = path.suffix.lower()
-    if extension in vtkhdf.EXTENSIONS:
-        vtkhdf.check(extension)
+    if extension == ".vtkhdf":
+        vtkhdf.FORMATS[0].check_needs(extension)
     try:
-        found = vtkhdf.read(path) if extension in vtkhdf.EXTENSIONS else read_appended(path)
+        found = vtkhdf.read(path) if extension == ".vtkhdf" else read_appended(path)
         if found is not None and found.grid == "StructuredGrid":
             return _structured(found)
         if found is not None and found.grid == "UnstructuredGrid":

@@ -40,6 +40,12 @@ def write_cells(stream: TextIO, cells: NDArray[Any], first_label: int) -> None:
         _write(stream, [np.arange(rows.start, rows.stop) + first_label, *(cells[rows].T + 1)])
 
 
+def write_rows(stream: TextIO, columns: list[NDArray[Any]]) -> None:
+    """Write rows of columns (n,) of integers, reals or texts."""
+    for rows in chunks(len(columns[0])):
+        _write(stream, [column[rows] for column in columns])
+
+
 def write_members(stream: TextIO, members: NDArray[Any]) -> None:
     """Write the labels of members (n,), counted from 0, as labels from 1."""
     labels = np.asarray(members, dtype=np.int64) + 1

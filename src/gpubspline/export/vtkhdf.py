@@ -3,37 +3,25 @@
 The format has no node or element sets: they are left out. Source: VTKHDF format specification, "UnstructuredGrid".
 """
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gpubspline.errors import InputError
+from gpubspline.export.deck import Deck
+from gpubspline.export.formats import Format
 from gpubspline.export.read_appended import StoredGrid
 from gpubspline.export.rows import chunks
 from gpubspline.files import whole_file
-from gpubspline.material.laws import Law
+from gpubspline.mesh.elements import MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
-EXTENSIONS = (".vtkhdf",)
 
-
-def check(extension: str) -> None:
-    """Raise ``InputError`` where h5py is not installed."""
-    if importlib.util.find_spec("h5py") is None:
-        raise InputError(f"expected h5py, which {extension} files need, to be installed: pip install h5py")
-
-
-def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int | None = None) -> None:
-    """Write all fields with the precision they have.
-
-    Raises InputError for ``modulus_bins``, which only decks have.
-    """
-    if modulus_bins is not None:
-        raise InputError(f"expected modulus_bins with a .inp deck only, got {path.name!r}")
+def write(deck: Deck, path: Path) -> None:
+    """Write all fields with the precision they have."""
     import h5py
 
+    mesh = deck.with_load_fields
     with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
         group = file.create_group("VTKHDF")
         group.attrs["Version"] = (1, 0)
@@ -82,3 +70,18 @@ def read(path: Path) -> StoredGrid:
         }
         cells = {"connectivity": group["Connectivity"][:], "types": group["Types"][:]}
         return StoredGrid("UnstructuredGrid", {}, {**fields, "Points": {"Points": group["Points"][:]}, "Cells": cells})
+
+
+FORMATS = (
+    Format(
+        "vtkhdf",
+        (".vtkhdf",),
+        MESHABLE,
+        write,
+        nodal="field",
+        loads=True,
+        fields=True,
+        cell_fields=True,
+        needs="h5py",
+    ),
+)

@@ -15,11 +15,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from gpubspline.errors import InputError
 from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
-from gpubspline.material.laws import Law
-from gpubspline.mesh.mesh import Mesh
+from gpubspline.export.deck import Deck
+from gpubspline.export.formats import Format
 from gpubspline.mesh.slabs import Slab
 
-EXTENSIONS = (".vts",)
+STRAIGHT = ("quad4", "hex8")
 
 Fields = Mapping[str, NDArray[Any]]
 
@@ -158,17 +158,14 @@ def write_slab(writer: VtsWriter, slab: Slab) -> None:
     )
 
 
-def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int | None = None) -> None:
+def write(deck: Deck, path: Path) -> None:
     """Write all fields with the precision they have.
 
     Raises
     ------
-    InputError for a mesh that is not structured or of order 2, or for ``modulus_bins``, which only decks have.
+    InputError for a mesh that is not structured.
     """
-    if modulus_bins is not None:
-        raise InputError(f"expected modulus_bins with a .inp deck only, got {path.name!r}")
-    if mesh.element.order != 1:
-        raise InputError(f"expected elements of quad4, hex8 for .vts, got {mesh.element_type}; .vtu holds them")
+    mesh = deck.with_load_fields
     if mesh.structure is None:
         raise InputError("expected a structured mesh for .vts, got one with explicit cells; .vtu holds it")
     nodes = (*mesh.structure, 1)[:3][::-1]
@@ -182,3 +179,6 @@ def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int |
             {name: values.reshape(nodes) for name, values in mesh.fields.items()},
             {name: values.reshape(cells) for name, values in mesh.cell_fields.items()},
         )
+
+
+FORMATS = (Format("vts", (".vts",), STRAIGHT, write, nodal="field", loads=True, fields=True, cell_fields=True),)

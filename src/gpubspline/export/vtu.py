@@ -7,22 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from gpubspline.errors import InputError
 from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
+from gpubspline.export.deck import Deck
+from gpubspline.export.formats import Format
 from gpubspline.export.rows import chunks
-from gpubspline.material.laws import Law
+from gpubspline.mesh.elements import MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
-EXTENSIONS = (".vtu",)
 
-
-def write(mesh: Mesh, path: Path, *, law: Law | None = None, modulus_bins: int | None = None) -> None:
-    """Write all fields with the precision they have.
-
-    Raises InputError for ``modulus_bins``, which only decks have.
-    """
-    if modulus_bins is not None:
-        raise InputError(f"expected modulus_bins with a .inp deck only, got {path.name!r}")
+def write(deck: Deck, path: Path) -> None:
+    """Write all fields with the precision they have."""
+    mesh = deck.with_load_fields
     n_entries = mesh.n_elements * mesh.element.n_nodes
     counting = np.dtype(np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64)
     sections = {
@@ -52,3 +47,6 @@ def _write_cells(file: AppendedFile, mesh: Mesh, counting: np.dtype[np.int32 | n
         file.put("Cells", "connectivity", n_nodes * rows.start, mesh.cells_of(elements).ravel())
         file.put("Cells", "offsets", rows.start, ((elements + 1) * n_nodes).astype(counting))
         file.put("Cells", "types", rows.start, np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8))
+
+
+FORMATS = (Format("vtu", (".vtu",), MESHABLE, write, nodal="field", loads=True, fields=True, cell_fields=True),)

@@ -131,20 +131,34 @@ class Mesh:
         ------
         InputError where the side is not one that the mesh has.
         """
+        elements, sides = self.boundary_places(side)
+        vertices = np.array(list(self.element.sides.values()))
+        return np.take_along_axis(self.cells_of(elements), vertices[sides], axis=1)
+
+    def boundary_places(self, side: str | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Where the faces of ``boundary`` are, in its order: element numbers (f,) and places (f,) in ``element.sides``.
+
+        Raises
+        ------
+        InputError where the side is not one that the mesh has.
+        """
         element = self.element
         if self.structure is not None:
             if side is not None and side not in element.sides:
                 raise InputError(f"expected a side of {', '.join(element.sides)}, got {side!r}")
-            along = ((name, structure.elements_at(self.structure, name)) for name in (side and [side]) or element.sides)
-            return np.concatenate([self.cells_of(elements)[:, element.sides[name]] for name, elements in along])
+            names = [(place, name) for place, name in enumerate(element.sides) if side in (None, name)]
+            along = [(place, structure.elements_at(self.structure, name)) for place, name in names]
+            places = np.repeat([place for place, _ in along], [elements.size for _, elements in along])
+            return np.concatenate([elements for _, elements in along]), places
         if side is not None:
             raise InputError(f"expected a structured mesh to have a side {side!r}, got one with explicit cells")
-        faces = self.cells[:, list(element.sides.values())].reshape(-1, len(element.sides["u0"]))
-        keys = np.sort(faces[:, : len(element.side_corners["u0"])], axis=1).T
+        faces = self.cells[:, list(element.side_corners.values())].reshape(-1, len(element.side_corners["u0"]))
+        keys = np.sort(faces, axis=1).T
         order = np.lexsort(keys)
         same = np.all(keys[:, order[1:]] == keys[:, order[:-1]], axis=0)
         shared = np.concatenate([same, [False]]) | np.concatenate([[False], same])
-        return np.asarray(faces[np.sort(order[~shared])])
+        outer = np.sort(order[~shared])
+        return outer // len(element.sides), outer % len(element.sides)
 
     @cached_property
     def volume_mm3(self) -> float:

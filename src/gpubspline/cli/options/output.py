@@ -49,8 +49,6 @@ class OutputOptions:
         check_apart(self.paths, inputs)
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
-        if self.modulus_bins is not None and self.output.suffix.lower() != ".inp":
-            raise InputError(f"expected an .inp file for --modulus-bins, got {self.output.name}")
 
     def make(self, patch: Any, sampling: Any, device: Any, clock: Any, region: Any = None) -> Any:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""

@@ -1,0 +1,301 @@
+"""A model as decks carry it, as plain data in the deck's units: each format's module renders it.
+
+mesh, node and element sets, surfaces      from the mesh and the regions of the load case
+sections | table | nodal fields            the modulus, by element set or by node
+loads                                      supports, nodal forces, pressures, gravity
+"""
+
+import re
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.analysis.load_case import LoadCase
+from gpubspline.errors import InputError
+from gpubspline.export.deck_loads import DeckLoads, Faces, Placed, outer_faces, place_loads
+from gpubspline.export.formats import Format
+from gpubspline.export.modulus_bins import ModulusBins, modulus_bins
+from gpubspline.export.modulus_table import modulus_table
+from gpubspline.export.units import Units
+from gpubspline.material.laws import Law
+from gpubspline.mesh.mesh import Mesh
+
+DEFAULT_BINS = 100
+"""Element sets by modulus where a format has nothing better and none are asked for."""
+
+Floats = NDArray[np.float64]
+Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Elements of one material, in the deck's units; ``density`` is None where the mesh has none above zero."""
+
+    name: str
+    members: NDArray[Any]
+    modulus: float
+    poisson: float
+    density: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class NodalTable:
+    """A material along a nodal field that plays the temperature.
+
+    Attributes
+    ----------
+    carrier: name of the field.
+    temperature: (n,) its values at the nodes.
+    at: (r,) its value in each row of the table, rising, in the type of the nodes' own.
+    modulus, poisson, density: (r,) in the deck's units; density None as in ``Section``.
+    """
+
+    carrier: str
+    temperature: NDArray[Any]
+    at: NDArray[Any]
+    modulus: Floats
+    poisson: Floats
+    density: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Deck:
+    """A model in one system of units, with names that every solver takes.
+
+    Attributes
+    ----------
+    mesh: points in the deck's unit of length, fields renamed to its units, node and element sets.
+    units: of all numbers here.
+    surfaces: faces by name.
+    sections: element sets by modulus, or none.
+    table: the material by node as a table, or None.
+    nodal: ``modulus``, ``poisson`` and perhaps ``density`` (n,) by node where the format holds fields, or nothing.
+    loads: or None.
+    comments: what the deck says of itself: units, law, means of the modulus and its error, load case.
+    figures: the same as plain numbers, for a summary.
+    thickness: of quads.
+    step: text that ends the deck instead of the load case.
+    """
+
+    mesh: Mesh
+    units: Units
+    surfaces: dict[str, Faces]
+    sections: tuple[Section, ...]
+    table: NodalTable | None
+    nodal: dict[str, NDArray[Any]]
+    loads: DeckLoads | None
+    comments: tuple[str, ...]
+    figures: dict[str, Any]
+    thickness: float
+    step: str = ""
+
+    @property
+    def body(self) -> str:
+        """Name of the set of all elements."""
+        whole = len(self.mesh.element_sets.get("body", ())) in (0, self.mesh.n_elements)
+        return "body" if whole else "all_elements"
+
+    @property
+    def node_sets(self) -> dict[str, NDArray[Any]]:
+        """Node sets but for ``all_nodes``, which some decks have of their own."""
+        return {name: members for name, members in self.mesh.node_sets.items() if name != "all_nodes"}
+
+    @property
+    def element_sets(self) -> dict[str, NDArray[Any]]:
+        """Element sets but for the one of all elements and those that are sections here."""
+        own = {self.body, *(section.name for section in self.sections)}
+        return {name: members for name, members in self.mesh.element_sets.items() if name not in own}
+
+    @property
+    def with_load_fields(self) -> Mesh:
+        """The mesh, its load case as nodal fields ``force_n_x``, ``support_x`` and, if any, ``prescribed_mm_x``."""
+        if self.loads is None:
+            return self.mesh
+        fields: dict[str, NDArray[Any]] = {}
+        for place, axis in enumerate("xyz"):
+            fields[f"force_n_{axis}"] = np.ascontiguousarray(self.loads.all_forces[:, place])
+            fields[f"support_{axis}"] = self.loads.fixed[:, place].astype(np.int32)
+            if self.loads.prescribed.any():
+                name = f"prescribed_{self.units.length}_{axis}"
+                fields[name] = np.ascontiguousarray(self.loads.prescribed[:, place])
+        return self.mesh.with_fields(fields)
+
+    def comment_lines(self, width: int) -> list[str]:
+        """Lines of the comments."""
+        return [line for words in self.comments for line in textwrap.wrap(words, width)]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How a deck is asked for; see ``export.write``."""
+
+    units: Units
+    law: Law | None = None
+    modulus_bins: int | None = None
+    load: LoadCase | None = None
+    thickness_mm: float = 1.0
+    step: str = ""
+
+
+def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
+    """Gather a model for a format.
+
+    Raises
+    ------
+    InputError where bins or a table are wanted and the mesh has no material or none that the format can hold, or where
+    the load case does not fit the mesh.
+    """
+    placed = Placed(None, {}, {}) if wanted.load is None else place_loads(wanted.load, mesh)
+    faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets else {}
+    node_sets = _named(mesh.node_sets, placed.node_sets)
+    named = replace(mesh, node_sets=node_sets, element_sets=_named(mesh.element_sets, {}))
+    sections, table, nodal, words, figures = _material(mesh, form, wanted)
+    return Deck(
+        mesh=_in_units(named, wanted.units),
+        units=wanted.units,
+        surfaces=_named(faces, placed.surfaces),
+        sections=sections,
+        table=table,
+        nodal=nodal,
+        loads=None if placed.loads is None else _loads_in_units(placed.loads, wanted.units),
+        comments=tuple(_comments(wanted, words, placed.loads)),
+        figures={"format": form.name, "units": wanted.units.name, **figures} | _load_figures(placed.loads),
+        thickness=wanted.thickness_mm * wanted.units.per_mm,
+        step=wanted.step,
+    )
+
+
+def _surfaces(mesh: Mesh) -> dict[str, Faces]:
+    """Sides of a structured mesh, and for every other node set the boundary faces whose nodes are all in it."""
+    outer, found = outer_faces(mesh), {}
+    places = list(mesh.element.sides)
+    for name, members in mesh.node_sets.items():
+        if mesh.structure is not None and name in places:
+            faces = outer.only(outer.sides == places.index(name))
+        else:
+            among = np.zeros(mesh.n_nodes, dtype=np.bool_)
+            among[members] = True
+            faces = outer.only(np.asarray(among[outer.nodes].all(axis=1)))
+        if faces.elements.size:
+            found[name] = faces
+    return found
+
+
+def _named(own: Mapping[str, Kept], added: Mapping[str, Kept]) -> dict[str, Kept]:
+    """Both, under names of letters, digits and underscores that differ by more than their case."""
+    taken: dict[str, Kept] = {}
+    for name, kept in own.items():
+        taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), taken)] = kept
+    for name, kept in added.items():
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        if name not in own:  # a region called by the name of a set is that set
+            taken[_free(plain, taken)] = kept
+    return taken
+
+
+def _free(name: str, taken: Iterable[str]) -> str:
+    name = name if name[:1].isalpha() else f"set_{name}"
+    used, number, free = {other.lower() for other in taken}, 1, name
+    while free.lower() in used:
+        number, free = number + 1, f"{name}_{number + 1}"
+    return free
+
+
+_Means = tuple[tuple[Section, ...], NodalTable | None, dict[str, NDArray[Any]], str, dict[str, Any]]
+
+
+def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
+    by_node = {"E_MPa", "nu"} <= mesh.fields.keys()
+    known = by_node or {"E_MPa", "nu"} <= {*mesh.cell_fields, *mesh.fields}
+    if wanted.modulus_bins is not None and not known:
+        raise InputError("expected the nodal fields E_MPa and nu to gather by modulus, got a mesh without them")
+    if not known or not form.binned:
+        return (), None, {}, "", {"modulus": None}
+    if wanted.modulus_bins is None and by_node and form.nodal == "table":
+        return _table(mesh, form, wanted.units)
+    if wanted.modulus_bins is None and by_node and form.nodal == "field":
+        return _nodal(mesh, wanted.units)
+    count = DEFAULT_BINS if wanted.modulus_bins is None else wanted.modulus_bins
+    return _sections(modulus_bins(mesh, count), wanted.units)
+
+
+def _table(mesh: Mesh, form: Format, units: Units) -> _Means:
+    found = modulus_table(mesh.fields, form.most_rows)
+    density = found.columns.get("density_g_cm3")
+    table = NodalTable(
+        found.carrier,
+        mesh.fields[found.carrier],
+        found.at.astype(mesh.fields[found.carrier].dtype),  # so that a node lies on its row
+        found.columns["E_MPa"] * units.per_mpa,
+        found.columns["nu"],
+        None if density is None else density * units.per_g_cm3,
+    )
+    words = (
+        f"Material by node: the temperature is the field {found.carrier}, no heat. The table gives each node its "
+        f"modulus and Poisson's ratio within {found.error:.1e} of their size; between nodes the solver interpolates "
+        f"{found.carrier}. Give no thermal expansion and no other temperature."
+    )
+    figures = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size, "error": found.error}
+    return (), table, {}, words, {"modulus": figures}
+
+
+def _nodal(mesh: Mesh, units: Units) -> _Means:
+    fields = {"modulus": mesh.fields["E_MPa"] * units.per_mpa, "poisson": mesh.fields["nu"]}
+    if "density_g_cm3" in mesh.fields and np.all(mesh.fields["density_g_cm3"] > 0):
+        fields["density"] = mesh.fields["density_g_cm3"] * units.per_g_cm3
+    words = "Material by node: inside each element the modulus is interpolated between its nodes'."
+    return (), None, fields, words, {"modulus": {"means": "field by node", "error": 0.0}}
+
+
+def _sections(bins: ModulusBins, units: Units) -> _Means:
+    density = [None] * len(bins.members) if bins.density_g_cm3 is None else bins.density_g_cm3 * units.per_g_cm3
+    rows = zip(bins.members, bins.modulus_mpa * units.per_mpa, bins.poisson, density, strict=True)
+    sections = tuple(
+        Section(f"modulus_{number}", members, float(modulus), float(poisson), float(rho) if rho and rho > 0 else None)
+        for number, (members, modulus, poisson, rho) in enumerate(rows, start=1)
+    )
+    words = (
+        f"Material by element: {bins.source}, in {len(bins.members)} bins. Binning changes it "
+        f"by {100 * bins.mean_error:.3g} % on average and {100 * bins.largest_error:.3g} % at most, and "
+        f"Poisson's ratio by {bins.poisson_error:.3g} at most."
+    )
+    errors = {"mean_error": bins.mean_error, "largest_error": bins.largest_error, "poisson_error": bins.poisson_error}
+    return sections, None, {}, words, {"modulus": {"means": "bins", "bins": len(bins.members), **errors}}
+
+
+def _in_units(mesh: Mesh, units: Units) -> Mesh:
+    points = mesh.points if units.per_mm == 1 else mesh.points * mesh.points.dtype.type(units.per_mm)
+    return replace(mesh, points=points, fields=units.fields(mesh.fields), cell_fields=units.fields(mesh.cell_fields))
+
+
+def _loads_in_units(loads: DeckLoads, units: Units) -> DeckLoads:
+    return replace(
+        loads,
+        prescribed=loads.prescribed * units.per_mm,
+        pressures=tuple((surface, pressure * units.per_mpa) for surface, pressure in loads.pressures),
+        gravity=None if loads.gravity is None else loads.gravity * units.per_mm,
+    )
+
+
+def _comments(wanted: Wanted, words: str, loads: DeckLoads | None) -> Iterable[str]:
+    yield f"Units: {wanted.units.words}. Coordinates: patient, LPS. Labels from 1."
+    if wanted.law is not None:
+        yield f"Material law: {wanted.law.name}, {wanted.law.title}"
+        yield wanted.law.citation
+        yield from (f"Not confirmed from its source: {part}" for part in wanted.law.unconfirmed)
+    if words:
+        yield words
+    if loads is not None:
+        x, y, z = loads.all_forces.sum(axis=0)
+        yield f"Load case: {loads.title}. Total force ({x:.9g}, {y:.9g}, {z:.9g}) N, as consistent nodal forces."
+
+
+def _load_figures(loads: DeckLoads | None) -> dict[str, Any]:
+    if loads is None:
+        return {"load": None}
+    held = int(np.count_nonzero(loads.fixed.any(axis=1)))
+    return {"load": {"title": loads.title, "held_nodes": held, "total_n": loads.all_forces.sum(axis=0).tolist()}}

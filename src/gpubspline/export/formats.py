@@ -1,0 +1,64 @@
+"""What a file format is and what it holds: declared by each format's module, asked by ``write``."""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpubspline.errors import InputError
+
+if TYPE_CHECKING:
+    from gpubspline.export.deck import Deck
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format.
+
+    Attributes
+    ----------
+    name: as ``write`` and ``--format`` take it.
+    extensions: that it is found by, the first one its own.
+    element_types: that it holds.
+    write: writes a deck, whole or not at all.
+    nodal: how it holds a modulus by node: ``"table"``, along a field that plays the temperature, ``"field"``, or not.
+    most_rows: of that table, None for any number.
+    binned: whether it has sections, for element sets by modulus.
+    loads: whether it holds a load case.
+    sets: whether it holds node and element sets.
+    fields, cell_fields: whether it holds nodal and element fields of any name.
+    needs: a package that it wants, which does not come with this one.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    element_types: tuple[str, ...]
+    write: Callable[["Deck", Path], None]
+    nodal: str = ""
+    most_rows: int | None = None
+    binned: bool = False
+    loads: bool = False
+    sets: bool = False
+    fields: bool = False
+    cell_fields: bool = False
+    needs: str = ""
+
+    def check_needs(self, known: str) -> None:
+        """Raise InputError, for a format ``known`` by this, where the package that it needs is not installed."""
+        if self.needs and importlib.util.find_spec(self.needs) is None:
+            raise InputError(
+                f"expected {self.needs}, which {known} files need, to be installed: pip install {self.needs}"
+            )
+
+    def check_holds(self, known: str, *, element_type: str, binned: bool, nodal: bool, loads: bool) -> None:
+        """Raise InputError, which names what the format, ``known`` by this, cannot hold."""
+        if element_type not in self.element_types:
+            held = ", ".join(self.element_types)
+            raise InputError(f"expected elements of {held} for {known}, got {element_type}; .vtu holds them")
+        if binned and not self.binned:
+            raise InputError(f"expected modulus bins with a deck, which has sections, got {known}, which has none")
+        if nodal and not self.nodal:
+            raise InputError(f"expected a format that holds a modulus by node, got {known}, which has bins only")
+        if loads and not self.loads:
+            raise InputError(f"expected a format that holds a load case, got {known}, which has no place for it")
