@@ -50,6 +50,9 @@ if TYPE_CHECKING:
     from gpubspline.spline.lattice import control_lattice as control_lattice
     from gpubspline.spline.model import load_model as load_model
     from gpubspline.spline.model import save_model as save_model
+    from gpubspline.surface.read import read_surface as read_surface
+    from gpubspline.surface.region import region_from_surface as region_from_surface
+    from gpubspline.surface.surface import Surface as Surface
 
 _HOME = {
     "analysis.elasticity": ("solve",),
@@ -77,6 +80,9 @@ _HOME = {
     "spline.hyperpatch": ("Hyperpatch", "bezier", "hyperpatch"),
     "spline.lattice": ("ControlLattice", "control_lattice"),
     "spline.model": ("load_model", "save_model"),
+    "surface.read": ("read_surface",),
+    "surface.region": ("region_from_surface",),
+    "surface.surface": ("Surface",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -1,0 +1,1 @@
+"""Closed triangle surfaces: files, checks, distances from them, and the region within."""

@@ -1,0 +1,143 @@
+"""Surface files: STL, PLY and OFF through meshio, VTP through VTK, OBJ."""
+
+import contextlib
+import io
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from gpubspline.errors import BackendUnavailable, GpubsplineWarning, InputError
+from gpubspline.surface.check import closed
+from gpubspline.surface.crossings import check_apart
+from gpubspline.surface.obj import read_obj
+from gpubspline.surface.surface import Floats, Integers, Surface
+
+MESHIO = {".stl": "stl", ".ply": "ply", ".off": "off"}
+EXTENSIONS = (".stl", ".obj", ".ply", ".off", ".vtp")
+
+SAME = 1e-7
+"""Of the surface's extent: points nearer than this are one where the surface is open without: STL repeats points."""
+
+
+def is_surface(path: str | Path) -> bool:
+    """Whether the name is that of a surface file."""
+    return Path(path).suffix.lower() in EXTENSIONS
+
+
+def read_surface(path: str | Path) -> Surface:
+    """Read a closed surface; its coordinates are taken for LPS mm.
+
+    Quads and polygons are split into triangles, repeated points joined, triangles without area dropped. Of several
+    bodies the largest is kept, with its cavities; what faces the wrong way is turned; both are warned of.
+
+    Raises
+    ------
+    InputError where the file cannot be read, or the surface is open, one-sided or passes through itself; the message
+    gives a place and what to try. BackendUnavailable for ``.vtp`` where VTK is not installed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"expected an existing surface file, got {path}")
+    if not is_surface(path):
+        raise InputError(f"expected a surface of {', '.join(EXTENSIONS)}, got {path.name}")
+    points, triangles = {".vtp": _read_vtp, ".obj": read_obj}.get(path.suffix.lower(), _read_meshio)(path)
+    if not len(triangles):
+        raise InputError(f"expected triangles in {path.name}, got none")
+    surface = closed(_joined(Surface(points, triangles), path.name), path.name)
+    check_apart(surface, path.name)
+    return surface
+
+
+def _read_meshio(path: Path) -> tuple[Floats, Integers]:
+    import meshio
+
+    try:
+        with _silence():
+            mesh = meshio.read(path, file_format=MESHIO[path.suffix.lower()])
+    except (SystemExit, Exception) as error:  # meshio raises what its parsers happen to raise, and exits
+        reason = "its header is of no such file" if isinstance(error, SystemExit) else str(error)
+        raise InputError(f"cannot read {path.name} as {path.suffix[1:].upper()}: {reason}") from None
+    faces = [_fan(block.data) for block in mesh.cells if block.type.startswith(("triangle", "quad", "polygon"))]
+    points = np.asarray(mesh.points, dtype=np.float64)
+    return points, np.concatenate(faces) if faces else np.zeros((0, 3), dtype=np.int64)
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what meshio prints and NumPy warns of on files of something else: one error says it."""
+    heard = io.StringIO()
+    with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _read_vtp(path: Path) -> tuple[Floats, Integers]:
+    try:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkCommonCore import vtkObject
+        from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+    except ImportError:
+        raise BackendUnavailable("reading .vtp needs VTK: pip install 'gpubspline[view]'") from None
+    shown = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(0)  # its parser writes to the terminal
+    try:
+        reader, split = vtkXMLPolyDataReader(), vtkTriangleFilter()
+        reader.SetFileName(str(path))
+        split.SetInputConnection(reader.GetOutputPort())
+        split.PassLinesOff()
+        split.PassVertsOff()
+        split.Update()
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+    found = split.GetOutput()
+    if not found.GetNumberOfPolys():
+        raise InputError(f"cannot read {path.name} as VTP: no polygons in it")
+    points = vtk_to_numpy(found.GetPoints().GetData()).astype(np.float64)
+    return points, vtk_to_numpy(found.GetPolys().GetConnectivityArray()).astype(np.int64).reshape(-1, 3)
+
+
+def _fan(polygons: NDArray[Any]) -> Integers:
+    """Triangles (m (k - 2), 3) of polygons (m, k) from their first vertex."""
+    polygons = np.asarray(polygons, dtype=np.int64)
+    parts = [polygons[:, [0, n, n + 1]] for n in range(1, polygons.shape[1] - 1)]
+    return np.stack(parts, axis=1).reshape(-1, 3)
+
+
+def _joined(surface: Surface, name: str) -> Surface:
+    """Join equal points, and nearly equal ones where edges stay open without; drop what has no area left."""
+    _, first, number = np.unique(surface.points, axis=0, return_index=True, return_inverse=True)
+    exact = _merged(surface.points[first], number.reshape(-1)[surface.triangles], name)
+    if _all_shared(exact.triangles):
+        return exact
+    step = SAME * float(np.ptp(surface.points, axis=0).max())
+    pairs = KDTree(exact.points).query_pairs(step, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(exact.points),) * 2)
+    number = connected_components(graph, directed=False)[1]
+    _, first = np.unique(number, return_index=True)
+    near = _merged(exact.points[first], number[exact.triangles], name)
+    if not _all_shared(near.triangles):
+        return exact
+    warnings.warn(f"points of {name} closer than {step:.2g} mm joined to close it", GpubsplineWarning, stacklevel=3)
+    return near
+
+
+def _merged(points: Floats, triangles: Integers, name: str) -> Surface:
+    a, b, c = triangles.T
+    whole = (a != b) & (b != c) & (c != a)
+    if not whole.any():
+        raise InputError(f"expected triangles of three different points in {name}, got none")
+    return Surface(points, triangles[whole])
+
+
+def _all_shared(triangles: Integers) -> bool:
+    """Whether every edge belongs to at least two triangles."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    return bool((np.unique(sides, axis=0, return_counts=True)[1] > 1).all())

@@ -1,0 +1,89 @@
+"""Surface files of every kind, written by others' code and by hand."""
+
+import warnings
+
+import meshio
+import numpy as np
+import pytest
+
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.surface.read import EXTENSIONS, is_surface, read_surface
+
+
+def save(surface, path):
+    if path.suffix == ".vtp":
+        pyvista = pytest.importorskip("pyvista")
+        pyvista.make_tri_mesh(surface.points, surface.triangles).save(path)
+    else:
+        meshio.write_points_cells(path, surface.points, [("triangle", surface.triangles)])
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_every_format_gives_the_surface(shapes, extension, tmp_path):
+    body = shapes.sphere()
+    save(body, tmp_path / f"a{extension}")
+    assert is_surface(f"A{extension.upper()}")
+    read = read_surface(tmp_path / f"a{extension}")
+    assert read.volume_mm3 == pytest.approx(body.volume_mm3, rel=1e-5)
+    assert (len(read.points), read.euler) == (len(body.points), 2)
+
+
+def test_text_stl_and_quads_of_obj(shapes, tmp_path):
+    box = shapes.box()
+    rows = [
+        "solid box",
+        *(
+            "facet normal 0 0 0\nouter loop\n"
+            + "\n".join("vertex " + " ".join(f"{x:g}" for x in corner) for corner in triangle)
+            + "\nendloop\nendfacet"
+            for triangle in box.corners
+        ),
+        "endsolid box",
+    ]
+    (tmp_path / "box.stl").write_text("\n".join(rows) + "\n")
+    assert read_surface(tmp_path / "box.stl").volume_mm3 == pytest.approx(24)
+    quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    lines = [f"v {x} {y} {z}" for x, y, z in box.points]
+    lines += ["f " + " ".join(f"{n + 1}//1" for n in quad) for quad in quads]
+    (tmp_path / "box.obj").write_text("vn 0 0 1\n" + "\n".join(lines) + "\n")
+    assert read_surface(tmp_path / "box.obj").volume_mm3 == pytest.approx(24)
+
+
+def test_points_that_differ_by_rounding_are_joined_with_a_word(shapes, tmp_path):
+    body = shapes.sphere()
+    loose = body.corners.reshape(-1, 3) + np.random.default_rng(0).uniform(-1e-8, 1e-8, (3 * len(body.triangles), 3))
+    meshio.write_points_cells(tmp_path / "a.off", loose, [("triangle", np.arange(len(loose)).reshape(-1, 3))])
+    with pytest.warns(GpubsplineWarning, match="joined to close it"):
+        read = read_surface(tmp_path / "a.off")
+    assert (len(read.points), read.euler) == (len(body.points), 2)
+
+
+def test_inside_out_files_are_turned_with_their_name(shapes, tmp_path):
+    save(shapes.turn(shapes.box()), tmp_path / "knee.ply")
+    with pytest.warns(GpubsplineWarning, match=r"knee\.ply is inside out: turned"):
+        assert read_surface(tmp_path / "knee.ply").volume_mm3 == pytest.approx(24)
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_files_of_something_else_are_one_line(extension, tmp_path, capfd):
+    path = tmp_path / f"a{extension}"
+    path.write_text("hello\n")
+    with warnings.catch_warnings(), pytest.raises(InputError) as error:
+        warnings.simplefilter("error")
+        read_surface(path)
+    assert path.name in str(error.value) and "\n" not in str(error.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_other_names_are_refused(tmp_path):
+    with pytest.raises(InputError, match="existing surface file"):
+        read_surface(tmp_path / "none.ply")
+    (tmp_path / "a.txt").write_text("")
+    with pytest.raises(InputError, match=r"expected a surface of \.stl"):
+        read_surface(tmp_path / "a.txt")
+
+
+def test_the_published_bone(data):
+    bone = read_surface(data / "surfaces" / "bone.ply")
+    assert (len(bone.points), bone.euler) == (6046, 2)  # one of its 6047 points is no triangle's
+    assert bone.volume_mm3 == pytest.approx(29159, abs=1)  # its publishers' figure
