@@ -30,7 +30,7 @@ def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) ->
     with clock.stage("fit"):
         degree = shaping.degree * len(shape) if len(shaping.degree) == 1 else shaping.degree
         made = fit(lattice, shaping.fit, degree=degree, control=shape, device=device)
-    return Fitted(region, threshold, made, shaping.fit)
+    return Fitted(region, threshold, made, shaping.fit, volume)
 
 
 def sample_patch(

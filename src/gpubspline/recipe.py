@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gpubspline.ct.region import Region
+from gpubspline.ct.volume import Volume
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.tally import Tally
@@ -54,12 +55,13 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The body found in the CT and the hyperpatch through it."""
+    """The body found in the CT and the hyperpatch through it; the CT is cropped as it was asked for."""
 
     region: Region
     threshold_hu: float | None
     fit: Fit
     method: str
+    volume: Volume | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,96 @@
+"""Figures of a run as rows of words: names with units from the keys of the summary, numbers to four digits."""
+
+import math
+from typing import Any
+
+UNITS = {
+    "nmm": "N mm",
+    "mm3": "mm³",
+    "mm2": "mm²",
+    "g_cm3": "g/cm³",
+    "mpa": "MPa",
+    "n_mm": "N/mm",
+    "mm": "mm",
+    "hu": "HU",
+    "kg": "kg",
+    "g": "g",
+    "n": "N",
+    "s": "s",
+}
+"""Endings of keys and the units that they are."""
+
+ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "unconfirmed")
+"""Keys that have a section of their own."""
+
+
+def figure_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
+    """Name and value of every figure that is known and has no section of its own."""
+    rows = [row for key, value in figures.items() if key not in ELSEWHERE for row in _rows(*_unit_of(key), value)]
+    return rows
+
+
+def _rows(name: str, unit: str, value: Any) -> list[tuple[str, str]]:
+    if value is None or value == [] or value == {}:
+        return []
+    if isinstance(value, dict):
+        known = {key: part for key, part in value.items() if part is not None and part != ""}
+        flat = all(not isinstance(part, dict | list) for part in known.values())
+        if flat and known and (unit or all(isinstance(part, int | float) for part in known.values())):
+            return [(name, _with_unit(", ".join(f"{_words(k)} {number(v)}" for k, v in known.items()), unit))]
+        return [row for key, part in known.items() for row in _rows(*_nested(name, key, unit), part)]
+    if isinstance(value, list):
+        if any(isinstance(part, dict) for part in value):
+            return [
+                (f"{name} {place}", "; ".join(f"{_unit_of(k)[0]} {_told(v, _unit_of(k)[1])}" for k, v in part.items()))
+                for place, part in enumerate(value, start=1)
+                if isinstance(part, dict)
+            ]
+        return [(name, _told(value, unit))]
+    return [(name, _told(value, unit))]
+
+
+def _nested(name: str, key: str, unit: str) -> tuple[str, str]:
+    words, own = _unit_of(key)
+    return f"{name}: {words}", own or unit
+
+
+def _told(value: Any, unit: str) -> str:
+    if isinstance(value, list | tuple):
+        return _with_unit("(" + ", ".join(number(part) for part in value) + ")", unit)
+    return _with_unit(number(value), unit if isinstance(value, int | float) else "")
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} {unit}".strip()
+
+
+def _unit_of(key: str) -> tuple[str, str]:
+    """Words of a key, and its unit."""
+    for ending, unit in UNITS.items():
+        if key == ending:
+            return _words(key), unit
+        if key.endswith(f"_{ending}"):
+            return _words(key.removesuffix(f"_{ending}")), unit
+    return _words(key), ""
+
+
+def _words(key: str) -> str:
+    words = key.replace("_", " ")
+    return {"hu": "HU", "modulus": "Young's modulus"}.get(words, words)
+
+
+def number(value: Any) -> str:
+    """Write whole numbers with commas, others to four digits; texts stay."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:,}"
+    if not math.isfinite(value):
+        return str(value)
+    if value == 0 or 1e-3 <= abs(value) < 1e7:
+        digits = 0 if abs(value) >= 1000 else 4 - max(1, 1 + math.floor(math.log10(abs(value)))) if value else 0
+        text = f"{value:,.{max(digits, 0)}f}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    return f"{value:.3e}"
