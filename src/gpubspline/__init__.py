@@ -10,6 +10,7 @@ from gpubspline.errors import BackendUnavailable as BackendUnavailable
 from gpubspline.errors import GpubsplineError as GpubsplineError
 from gpubspline.errors import GpubsplineWarning as GpubsplineWarning
 from gpubspline.errors import InputError as InputError
+from gpubspline.errors import MeshError as MeshError
 
 if TYPE_CHECKING:
     from gpubspline.analysis.elasticity import solve as solve
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from gpubspline.material.mapping import apply_material as apply_material
     from gpubspline.material.registry import law as law
     from gpubspline.material.registry import laws as laws
+    from gpubspline.mesh.blocks.mesher import Blocks as Blocks
+    from gpubspline.mesh.blocks.mesher import blocks_mesh as blocks_mesh
     from gpubspline.mesh.distance import surface_distance as surface_distance
     from gpubspline.mesh.mesh import Mesh as Mesh
     from gpubspline.mesh.quality import Quality as Quality
@@ -70,6 +73,7 @@ _HOME = {
     "material.laws": ("Law",),
     "material.mapping": ("apply_material",),
     "material.registry": ("law", "laws"),
+    "mesh.blocks.mesher": ("Blocks", "blocks_mesh"),
     "mesh.distance": ("surface_distance",),
     "mesh.mesh": ("Mesh",),
     "mesh.quality": ("Quality", "assess", "scaled_jacobian"),

@@ -17,5 +17,9 @@ class SolveError(GpubsplineError, ArithmeticError):
     """A system of equations was not solved to the accuracy asked for."""
 
 
+class MeshError(GpubsplineError, RuntimeError):
+    """No mesh worth writing was found; the message says where it fails and what to try."""
+
+
 class GpubsplineWarning(UserWarning):
     """The result stands, but the user should know something about it."""

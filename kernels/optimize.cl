@@ -1,0 +1,349 @@
+// Better hexes by moving nodes: an energy of the scaled Jacobians with its gradient, nodes that slide on a level set, and
+// moves of single nodes that raise the worst corner round them.
+//
+// Coordinates are planes (3, n). `nodes` is (8, m): plane a holds the number of vertex a of each element, in VTK's order.
+// `start` (n + 1) and `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
+// `slack` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
+// `volume` samples the level, `to_index` is the row-major 3x4 map from coordinates to its index (i, j, k).
+
+#define FREE ((real)1e6)
+#define TINY ((real)1e-20)
+#define NEWTON_STEPS 3
+
+typedef struct { realv x, y, z; } lanes3;
+
+inline lanes3 minus(lanes3 a, lanes3 b)
+{
+    lanes3 c = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return c;
+}
+
+inline lanes3 times(realv s, lanes3 a)
+{
+    lanes3 b = {s * a.x, s * a.y, s * a.z};
+    return b;
+}
+
+inline void add(lanes3 *a, lanes3 b)
+{
+    a->x += b.x;
+    a->y += b.y;
+    a->z += b.z;
+}
+
+inline realv inner(lanes3 a, lanes3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+inline lanes3 outer(lanes3 a, lanes3 b)
+{
+    lanes3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+// Unit vector of an edge; `gradient` is that of weight (ln l^2 - target)^2, which is added to `energy`.
+inline lanes3 edge(lanes3 from, lanes3 to, realv target, real weight, realv *inverse, realv *energy, lanes3 *gradient)
+{
+    lanes3 d = minus(to, from);
+    realv squared = fmax(inner(d, d), (realv)TINY);
+    *inverse = rsqrt(squared);
+    lanes3 unit = times(*inverse, d);
+    realv off = log(squared) - target;
+    *energy += weight * off * off;
+    *gradient = times(4 * weight * off * *inverse, unit);
+    return unit;
+}
+
+// Adds max(0, goal - SJ)^power of one corner to the energy, and its derivatives by the three edges to their gradients.
+inline void corner(lanes3 u, lanes3 v, lanes3 w, realv iu, realv iv, realv iw, real goal, int power, realv *energy,
+                   lanes3 *gu, lanes3 *gv, lanes3 *gw)
+{
+    lanes3 vw = outer(v, w), wu = outer(w, u), uv = outer(u, v);
+    realv jacobian = inner(u, vw);
+    realv short_of = fmax(goal - jacobian, (realv)0), square = short_of * short_of;
+    realv slope = power == 2 ? -2 * short_of : -4 * square * short_of;
+    *energy += power == 2 ? square : square * square;
+    add(gu, times(slope * iu, minus(vw, times(jacobian, u))));
+    add(gv, times(slope * iv, minus(wu, times(jacobian, v))));
+    add(gw, times(slope * iw, minus(uv, times(jacobian, w))));
+}
+
+inline lanes3 vertex(__global const real *x, int n, __global const int *nodes, int m, int first, int a)
+{
+    union { realv v; real lane[LANES]; } px, py, pz;
+    for (int lane = 0; lane < LANES; lane++) {
+        size_t node = nodes[(size_t)a * m + min(first + lane, m - 1)];
+        px.lane[lane] = x[node];
+        py.lane[lane] = x[n + node];
+        pz.lane[lane] = x[2 * (size_t)n + node];
+    }
+    lanes3 p = {px.v, py.v, pz.v};
+    return p;
+}
+
+inline void give(lanes3 g, __global real *gradient, int m, int a, int first)
+{
+    size_t at = (size_t)a * m + first, plane = 8 * (size_t)m;
+    store(g.x, gradient, at, m - first);
+    store(g.y, gradient, plane + at, m - first);
+    store(g.z, gradient, 2 * plane + at, m - first);
+}
+
+// Energy (m) of each hex and its gradient (3, 8, m) by its vertices: max(0, goal - SJ)^power summed over the corners, power
+// 2 or 4, and weight (ln l^2 - log_lengths)^2 over the edges, log_lengths (3, m) for those along u, v and w.
+__kernel __attribute__((vec_type_hint(realv)))
+void hex_energy(__global const real *x, int n, __global const int *nodes, int m, __global const real *log_lengths,
+                real goal, int power, real weight, __global real *energy, __global real *gradient)
+{
+    FOR_LANES(first, m) {
+        lanes3 p[8], u[4], v[4], w[4], gu[4], gv[4], gw[4];
+        realv iu[4], iv[4], iw[4], sum = 0;
+        for (int a = 0; a < 8; a++)
+            p[a] = vertex(x, n, nodes, m, first, a);
+        realv lu = load(log_lengths, first), lv = load(log_lengths, (size_t)m + first);
+        realv lw = load(log_lengths, 2 * (size_t)m + first);
+        for (int c = 0; c < 2; c++) {
+            int b = 4 * c, d = 2 * c;
+            u[d] = edge(p[b], p[b + 1], lu, weight, &iu[d], &sum, &gu[d]);
+            u[d + 1] = edge(p[b + 3], p[b + 2], lu, weight, &iu[d + 1], &sum, &gu[d + 1]);
+            v[d] = edge(p[b], p[b + 3], lv, weight, &iv[d], &sum, &gv[d]);
+            v[d + 1] = edge(p[b + 1], p[b + 2], lv, weight, &iv[d + 1], &sum, &gv[d + 1]);
+        }
+        for (int a = 0; a < 4; a++)
+            w[a] = edge(p[a], p[a + 4], lw, weight, &iw[a], &sum, &gw[a]);
+        for (int c = 0; c < 2; c++) {
+            int d = 2 * c, e = d + 1;
+            corner(u[d], v[d], w[0], iu[d], iv[d], iw[0], goal, power, &sum, &gu[d], &gv[d], &gw[0]);
+            corner(u[d], v[e], w[1], iu[d], iv[e], iw[1], goal, power, &sum, &gu[d], &gv[e], &gw[1]);
+            corner(u[e], v[e], w[2], iu[e], iv[e], iw[2], goal, power, &sum, &gu[e], &gv[e], &gw[2]);
+            corner(u[e], v[d], w[3], iu[e], iv[d], iw[3], goal, power, &sum, &gu[e], &gv[d], &gw[3]);
+        }
+        store(sum, energy, first, m - first);
+        lanes3 g[8];
+        for (int c = 0; c < 2; c++) {
+            int b = 4 * c, d = 2 * c, e = d + 1;
+            g[b] = times(-1, gu[d]);
+            g[b + 1] = gu[d];
+            g[b + 2] = gu[e];
+            g[b + 3] = times(-1, gu[e]);
+            add(&g[b], times(-1, gv[d]));
+            add(&g[b + 1], times(-1, gv[e]));
+            add(&g[b + 2], gv[e]);
+            add(&g[b + 3], gv[d]);
+            for (int a = 0; a < 4; a++)
+                add(&g[b + a], c ? gw[a] : times(-1, gw[a]));
+        }
+        for (int a = 0; a < 8; a++)
+            give(g[a], gradient, m, a, first);
+    }
+}
+
+// Gradient (3, n) by node: the sum of what its elements gave, less what would push it off the level set.
+__kernel void node_gradient(__global const real *values, int m, __global const int *start, __global const int *slots,
+                            __global const real *normal, __global const real *slack, int n, __global real *out)
+{
+    int i = get_global_id(0);
+    if (i >= n)
+        return;
+    size_t plane = 8 * (size_t)m, second = n, third = 2 * second;
+    real gx = 0, gy = 0, gz = 0;
+    for (int s = start[i], end = start[i + 1]; s < end; s++) {
+        size_t at = slots[s];
+        gx += values[at];
+        gy += values[plane + at];
+        gz += values[2 * plane + at];
+    }
+    real nx = normal[i], ny = normal[second + i], nz = normal[third + i];
+    real off = gx * nx + gy * ny + gz * nz;
+    if (slack[i] > 0) // a step back from the end of the slack is free
+        off = fmin(off, (real)0);
+    real moves = slack[i] < 0 ? 0 : 1;
+    out[i] = moves * (gx - off * nx);
+    out[second + i] = moves * (gy - off * ny);
+    out[third + i] = moves * (gz - off * nz);
+}
+
+// out = x + a d, no node farther than `cap`.
+__kernel void move(__global const real *x, __global const real *d, int n, real a, real cap, __global real *out)
+{
+    int i = get_global_id(0);
+    if (i >= n)
+        return;
+    size_t second = (size_t)n + i, third = 2 * (size_t)n + i;
+    real dx = a * d[i], dy = a * d[second], dz = a * d[third];
+    real length = sqrt(dx * dx + dy * dy + dz * dz);
+    real share = length > cap ? cap / length : 1;
+    out[i] = x[i] + share * dx;
+    out[second] = x[second] + share * dy;
+    out[third] = x[third] + share * dz;
+}
+
+typedef struct { real x, y, z; } point;
+
+// The level at p and its gradient.
+inline real level_at(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, point p, point *g)
+{
+    real ti = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3];
+    real tj = m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7];
+    real tk = m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11];
+    ti = fmin(fmax(ti, (real)0), (real)(n_i - 1));
+    tj = fmin(fmax(tj, (real)0), (real)(n_j - 1));
+    tk = fmin(fmax(tk, (real)0), (real)(n_k - 1));
+    int i = min((int)ti, n_i - 2), j = min((int)tj, n_j - 2), k = min((int)tk, n_k - 2);
+    real a = ti - i, b = tj - j, c = tk - k;
+    __global const real *near = volume + ((size_t)k * n_j + j) * n_i + i, *far = near + (size_t)n_i * n_j;
+    real d00 = near[1] - near[0], d10 = near[n_i + 1] - near[n_i];
+    real d01 = far[1] - far[0], d11 = far[n_i + 1] - far[n_i];
+    real e00 = near[0] + a * d00, e10 = near[n_i] + a * d10, e01 = far[0] + a * d01, e11 = far[n_i] + a * d11;
+    real f0 = e00 + b * (e10 - e00), f1 = e01 + b * (e11 - e01);
+    real gi = (1 - c) * (d00 + b * (d10 - d00)) + c * (d01 + b * (d11 - d01));
+    real gj = (1 - c) * (e10 - e00) + c * (e11 - e01), gk = f1 - f0;
+    g->x = m[0] * gi + m[4] * gj + m[8] * gk;
+    g->y = m[1] * gi + m[5] * gj + m[9] * gk;
+    g->z = m[2] * gi + m[6] * gj + m[10] * gk;
+    return f0 + c * (f1 - f0);
+}
+
+// Brings p within `slack` of the zero level; `normal` points out of what is allowed, and is 0 inside of it.
+inline point held(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, point p, real slack,
+                  point *normal)
+{
+    point g = {0, 0, 0};
+    real side = 0;
+    for (int step = 0; step < NEWTON_STEPS; step++) {
+        real phi = level_at(volume, n_i, n_j, n_k, m, p, &g);
+        real off = phi - fmin(fmax(phi, -slack), slack);
+        if (off != 0)
+            side = off > 0 ? 1 : -1;
+        real share = off / fmax(g.x * g.x + g.y * g.y + g.z * g.z, (real)0.04);
+        p.x -= share * g.x;
+        p.y -= share * g.y;
+        p.z -= share * g.z;
+    }
+    if (slack == 0)
+        side = 1;
+    real scale = side * rsqrt(fmax(g.x * g.x + g.y * g.y + g.z * g.z, TINY));
+    normal->x = scale * g.x;
+    normal->y = scale * g.y;
+    normal->z = scale * g.z;
+    return p;
+}
+
+// Brings nodes back to within their slack of the zero level, and gives the normals (3, n) there, 0 for those that are free.
+__kernel void slide(__global real *x, int n, __global const real *slack, __global const real *volume, int n_i, int n_j,
+                    int n_k, __global const real *to_index, __global real *normal)
+{
+    int i = get_global_id(0);
+    if (i >= n)
+        return;
+    size_t second = (size_t)n + i, third = 2 * (size_t)n + i;
+    point out = {0, 0, 0};
+    if (slack[i] >= 0 && slack[i] < FREE) {
+        point p = {x[i], x[second], x[third]};
+        p = held(volume, n_i, n_j, n_k, to_index, p, slack[i], &out);
+        x[i] = p.x;
+        x[second] = p.y;
+        x[third] = p.z;
+    }
+    normal[i] = out.x;
+    normal[second] = out.y;
+    normal[third] = out.z;
+}
+
+inline point at_node(__global const real *x, int n, int node)
+{
+    point p = {x[node], x[(size_t)n + node], x[2 * (size_t)n + node]};
+    return p;
+}
+
+inline point toward(point from, point to)
+{
+    real dx = to.x - from.x, dy = to.y - from.y, dz = to.z - from.z;
+    real scale = rsqrt(fmax(dx * dx + dy * dy + dz * dz, TINY));
+    point e = {scale * dx, scale * dy, scale * dz};
+    return e;
+}
+
+inline real determinant(point a, point b, point c)
+{
+    return a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x);
+}
+
+inline int vtk_corner(int bits) // bits a + 2 b + 4 c of a corner at (a, b, c), and back
+{
+    return bits ^ (bits >> 1 & 1);
+}
+
+// Least scaled Jacobian of the corners that a node at p would have a part in.
+inline real least_round(__global const real *x, int n, __global const int *nodes, int m, __global const int *slots,
+                        int begin, int end, point p)
+{
+    real least = 2;
+    for (int s = begin; s < end; s++) {
+        int e = slots[s] % m, own = vtk_corner(slots[s] / m);
+        real sign = (own ^ own >> 1 ^ own >> 2) & 1 ? -1 : 1;
+        point u = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 1) * m + e]);
+        point v = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 2) * m + e]);
+        point w = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 4) * m + e]);
+        point uv = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 3) * m + e]);
+        point uw = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 5) * m + e]);
+        point vw = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 6) * m + e]);
+        point pu = toward(p, u), pv = toward(p, v), pw = toward(p, w);
+        least = fmin(least, sign * determinant(pu, pv, pw));
+        least = fmin(least, sign * determinant(pu, toward(u, uv), toward(u, uw)));
+        least = fmin(least, sign * determinant(toward(v, uv), pv, toward(v, vw)));
+        least = fmin(least, sign * determinant(toward(w, uw), toward(w, vw), pw));
+    }
+    return least;
+}
+
+// Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
+// corners it has a part in: the best of 14 directions, again from there, `step` halved `halvings` times where none helps.
+__kernel void improve(__global real *x, int n, __global const int *nodes, int m, __global const int *start,
+                      __global const int *slots, __global const real *slack, __global const int *moved, int begin,
+                      int count, real step, int halvings, int tries, __global const real *volume, int n_i, int n_j,
+                      int n_k, __global const real *to_index)
+{
+    int item = get_global_id(0);
+    if (item >= count)
+        return;
+    int i = moved[begin + item];
+    real loose = slack[i];
+    if (loose < 0)
+        return;
+    int first = start[i], last = start[i + 1];
+    point p = at_node(x, n, i);
+    real least = least_round(x, n, nodes, m, slots, first, last, p);
+    for (int turn = 0, halved = 0; turn < tries && halved <= halvings; turn++) {
+        point best = p;
+        real best_least = least;
+        for (int way = 0; way < 14; way++) {
+            // six along the axes, eight along the diagonals
+            real a = way < 6 ? step : step * (real)0.57735027;
+            point q = p, normal;
+            int bits = way - 6;
+            real sign = way & 1 ? -1 : 1;
+            q.x += way < 6 ? (way / 2 == 0 ? sign * a : 0) : (bits & 1 ? a : -a);
+            q.y += way < 6 ? (way / 2 == 1 ? sign * a : 0) : (bits & 2 ? a : -a);
+            q.z += way < 6 ? (way / 2 == 2 ? sign * a : 0) : (bits & 4 ? a : -a);
+            if (loose < FREE)
+                q = held(volume, n_i, n_j, n_k, to_index, q, loose, &normal);
+            real value = least_round(x, n, nodes, m, slots, first, last, q);
+            if (value > best_least) {
+                best_least = value;
+                best = q;
+            }
+        }
+        if (best_least > least) {
+            least = best_least;
+            p = best;
+        } else {
+            step *= (real)0.5;
+            halved++;
+        }
+    }
+    x[i] = p.x;
+    x[(size_t)n + i] = p.y;
+    x[2 * (size_t)n + i] = p.z;
+}

@@ -1,0 +1,67 @@
+"""Limited-memory BFGS whose two loops run on the products of its vectors: the rows of a basis (rows, n).
+
+Source: Chen, Wang and Zhou 2014, "Large-scale L-BFGS using MapReduce".
+"""
+
+from typing import Any
+
+import warp as wp
+
+RUN = wp.constant(64)  # elements that a part takes together
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def set_difference(
+    x: wp.array(dtype=Any),
+    y: wp.array(dtype=Any),
+    n: wp.int32,
+    row: wp.int32,
+    basis: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """The row ``row`` of the basis becomes x - y."""
+    i = wp.tid() + first
+    basis[wp.int64(row) * wp.int64(n) + wp.int64(i)] = x[i] - y[i]
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def row_products(
+    basis: wp.array(dtype=Any),
+    rows: wp.int32,
+    by: wp.int32,
+    n: wp.int32,
+    parts: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """Sums (rows, parts) of every row times the row ``by`` over every parts-th run of elements.
+
+    The same in any order of work.
+    """
+    tid_row, part = wp.tid()
+    row = tid_row + first
+    x = wp.int64(by) * wp.int64(n)
+    y = wp.int64(row) * wp.int64(n)
+    total = out.dtype(0.0)
+    runs = (n + RUN - 1) // RUN
+    for run in range(part, runs, parts):
+        for i in range(run * RUN, wp.min((run + 1) * RUN, n)):
+            total = total + basis[x + wp.int64(i)] * basis[y + wp.int64(i)]
+    out[row * parts + part] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def combine_rows(
+    basis: wp.array(dtype=Any),
+    coefficients: wp.array(dtype=Any),
+    rows: wp.int32,
+    n: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """The rows times their coefficients."""
+    i = wp.tid() + first
+    total = out.dtype(0.0)
+    for row in range(rows):
+        total = total + coefficients[row] * basis[wp.int64(row) * wp.int64(n) + wp.int64(i)]
+    out[i] = total

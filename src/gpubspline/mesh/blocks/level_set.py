@@ -1,0 +1,198 @@
+"""The level set that a mesh of blocks conforms to: the region's distance, smoothed at the scale of an element.
+
+Everything in this package happens in **lattice units**: the element size is 1, the axes are those of the lattice, and
+distances count in elements. ``LevelSet.to_mm`` is the way back.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import SimpleITK as sitk
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
+from gpubspline.errors import InputError
+from gpubspline.mesh.distance import sample_distance
+
+Floats = NDArray[np.float64]
+
+SAMPLES = 3
+"""Samples of the level set per element size."""
+
+SMOOTHING = 0.6
+"""Standard deviation, in elements, of the Gaussian that takes away what no element can follow."""
+
+MARGIN = 3
+"""Lattice cells around the region."""
+
+CLIP = 3.0
+"""Distances, in elements, beyond which the level set is flat."""
+
+SMALLEST_CAVITY = 4.0
+"""Volume, in elements, below which an enclosed cavity is filled: a sphere of two elements across."""
+
+_CHUNK = 1 << 22
+"""Samples of the region taken at a time, which bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSet:
+    """A signed distance on a grid of a third of an element.
+
+    Attributes
+    ----------
+    phi: (n_k, n_j, n_i) float32, in elements, negative inside; sample (0, 0, 0) lies at the origin of the lattice and
+        every third sample is a corner of lattice cells.
+    size_mm: of an element.
+    to_mm: (4, 4) float64, lattice coordinates to LPS mm: a rotation times ``size_mm``, and a shift.
+    """
+
+    phi: NDArray[np.float32]
+    size_mm: float
+    to_mm: Floats
+
+    @property
+    def cells(self) -> tuple[int, int, int]:
+        """Lattice cells along k, j, i."""
+        n_k, n_j, n_i = ((n - 1) // SAMPLES for n in self.phi.shape)
+        return n_k, n_j, n_i
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Samples inside."""
+        return self.phi < 0
+
+    def in_mm(self, points: NDArray[Any]) -> Floats:
+        """LPS mm (n, 3) of lattice coordinates (n, 3)."""
+        return np.asarray(points.astype(np.float64) @ self.to_mm[:3, :3].T + self.to_mm[:3, 3])
+
+
+def lattice_frame(region: Region, size_mm: float, rotation: Floats, offset: tuple[float, float, float]) -> Floats:
+    """(4, 4) lattice coordinates to mm: the axes are columns of ``rotation``, the origin lies below the region.
+
+    ``offset``, in elements from 0 to 1, shifts the lattice against the region.
+    """
+    low, _ = _extent(region, rotation)
+    origin = rotation @ (low - (MARGIN + np.array(offset)) * size_mm)
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = rotation * size_mm, origin
+    return frame
+
+
+def lattice_cells(region: Region, size_mm: float, rotation: Floats) -> tuple[int, int, int]:
+    """Cells along k, j, i that hold the region with its margin, for any offset."""
+    low, high = _extent(region, rotation)
+    count = np.ceil((high - low) / size_mm).astype(int) + 2 * MARGIN + 1
+    return int(count[2]), int(count[1]), int(count[0])
+
+
+def _extent(region: Region, rotation: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest coordinate of the voxels inside along each lattice axis, mm."""
+    k, j, i = np.nonzero(region.mask)
+    ends = np.stack([i, j, k], axis=1)[_outermost(i, j, k)]
+    along = (ends @ region.affine[:3, :3].T + region.affine[:3, 3]) @ rotation
+    reach = np.abs(rotation.T @ region.affine[:3, :3]).sum(axis=1)  # the boundary lies within a voxel
+    return along.min(axis=0) - reach, along.max(axis=0) + reach
+
+
+def _outermost(i: NDArray[Any], j: NDArray[Any], k: NDArray[Any]) -> NDArray[Any]:
+    """Indices of the first and the last voxel of each row: no other can lie farthest out."""
+    order = np.lexsort((i, j, k))
+    new = (np.diff(j[order]) != 0) | (np.diff(k[order]) != 0)
+    first = np.concatenate([[True], new])
+    last = np.concatenate([new, [True]])
+    return np.asarray(order[first | last])
+
+
+def level_set(
+    region: Region,
+    size_mm: float,
+    *,
+    rotation: Floats | None = None,
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    smoothing: float = SMOOTHING,
+    device: Device,
+) -> LevelSet:
+    """Sample the region's distance on a lattice, smooth it, keep the largest body and fill small cavities.
+
+    Where the region meets the border of its grid, the outermost voxel centres bound it.
+
+    Arguments
+    ---------
+    size_mm: of an element.
+    rotation: (3, 3), columns are the lattice's axes; None takes the patient's.
+    offset: of the lattice against the region, in elements.
+    smoothing: standard deviation of the Gaussian, in elements.
+
+    Raises
+    ------
+    InputError where the size is not positive, or nothing as thick as an element is inside.
+    """
+    if not (np.isfinite(size_mm) and size_mm > 0):
+        raise InputError(f"expected an element size above 0 mm, got {size_mm}")
+    rotation = np.eye(3) if rotation is None else rotation
+    frame = lattice_frame(region, size_mm, rotation, offset)
+    shape = tuple(SAMPLES * n + 1 for n in lattice_cells(region, size_mm, rotation))
+    phi = _smooth(_sampled(region, frame, shape, device) / np.float32(size_mm), smoothing * SAMPLES)
+    return replace(LevelSet(phi, size_mm, frame), phi=_one_body(phi, region, size_mm))
+
+
+def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:
+    """Distance, mm, of the region bounded by its grid, at the samples of the level set."""
+    n_k, n_j, n_i = shape
+    phi = np.empty((n_k, n_j * n_i), dtype=np.float32)
+    j, i = (index.ravel() / SAMPLES for index in np.indices((n_j, n_i)))
+    slabs = max(1, _CHUNK // (n_j * n_i))
+    for first in range(0, n_k, slabs):
+        k = np.arange(first, min(first + slabs, n_k)) / SAMPLES
+        at = [np.tile(i, len(k)), np.tile(j, len(k)), np.repeat(k, n_j * n_i)]
+        points = np.stack(at, axis=1) @ frame[:3, :3].T + frame[:3, 3]
+        distance = np.maximum(sample_distance(region, points, device), _beyond_grid(region, points))
+        phi[first : first + len(k)] = distance.reshape(len(k), -1)
+    return phi.reshape(shape)
+
+
+def _beyond_grid(region: Region, points: Floats) -> Floats:
+    """Signed distance (s,), mm, to the parallelepiped of the outermost voxel centres, negative inside."""
+    inverse = np.linalg.inv(region.affine)
+    index = points @ inverse[:3, :3].T + inverse[:3, 3]
+    gap_mm = 1 / np.linalg.norm(inverse[:3, :3], axis=1)
+    beyond = np.maximum(-index, index - (np.array(region.shape) - 1)) * gap_mm
+    return np.asarray(beyond.max(axis=1))
+
+
+def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """Twice the smoothed distance minus the twice smoothed one: to first order curved surfaces stay where they are."""
+    phi = np.clip(phi, -CLIP, CLIP)
+    if sigma == 0:
+        return phi
+    once = gaussian_filter(phi, sigma, truncate=3.0, mode="nearest")
+    twice = gaussian_filter(once, sigma, truncate=3.0, mode="nearest")
+    return np.asarray(2 * once - twice, dtype=np.float32)
+
+
+def _one_body(phi: NDArray[np.float32], region: Region, size_mm: float) -> NDArray[np.float32]:
+    """Push everything but the largest body outside, and cavities that hold no element inside."""
+    inside = phi < 0
+    if not inside.any():
+        raise InputError(
+            f"expected a region thicker than an element of {size_mm:g} mm, got none: the region's voxels are "
+            f"{region.spacing_mm.min():g} mm and it holds {np.count_nonzero(region.mask):,}: ask for a smaller size"
+        )
+    bodies, sizes = _components(inside)
+    phi = np.where(inside & (bodies != np.argmax(sizes) + 1), np.abs(phi) + np.float32(1e-3), phi)
+    holes, sizes = _components(~(phi < 0))
+    small = np.flatnonzero(sizes < SMALLEST_CAVITY * SAMPLES**3) + 1
+    if small.size:
+        phi = np.where(np.isin(holes, small), -np.abs(phi) - np.float32(1e-3), phi)
+    return np.asarray(phi, dtype=np.float32)
+
+
+def _components(mask: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Number of the face-connected body of each sample, from 1, and the samples of each body."""
+    labels = sitk.GetArrayFromImage(sitk.ConnectedComponent(sitk.GetImageFromArray(mask.astype(np.uint8))))
+    return labels, np.bincount(labels.reshape(-1))[1:]

@@ -1,0 +1,174 @@
+"""Hexes whose nodes may move, on a device: inside freely, on the boundary along the zero level of a distance."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Buffer, Device
+
+FREE = 1e9
+"""Slack of a node that may go anywhere."""
+
+FIXED = -1.0
+"""Slack of a node that stays."""
+
+PARTS = 4096
+"""Partial sums of a product of vectors, added on the host."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A sampled distance on a device.
+
+    Attributes
+    ----------
+    volume: (n_k, n_j, n_i), in the unit of the coordinates.
+    counts: (n_i, n_j, n_k).
+    to_index: row-major 3 x 4 map from coordinates to the index (i, j, k).
+    """
+
+    volume: Buffer
+    counts: tuple[int, int, int]
+    to_index: Buffer
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """As the kernels take it."""
+        return self.volume, *self.counts, self.to_index
+
+
+def put_level(volume: NDArray[Any], to_index: NDArray[np.float64], device: Device) -> Level:
+    """Bring a distance (n_k, n_j, n_i) and the map (3 or 4, 4) from coordinates to its index to a device."""
+    n_k, n_j, n_i = volume.shape
+    return Level(
+        device.put(np.ascontiguousarray(volume)), (n_i, n_j, n_k), device.put(np.ascontiguousarray(to_index[:3]))
+    )
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What the energy of a mesh wants.
+
+    Attributes
+    ----------
+    jacobian: scaled Jacobian that every corner should reach.
+    power: 2 or 4, of what it lacks.
+    edges: weight of the squared logarithm of the edges' lengths against their targets.
+    """
+
+    jacobian: float
+    power: int
+    edges: float
+
+
+@dataclass(frozen=True, eq=False)
+class Movable:
+    """Hexes on a device.
+
+    Attributes
+    ----------
+    cells: (m, 8) int32, on the host.
+    nodes: (8, m) the same by vertex.
+    log_lengths: (3, m) logarithm of the squared target length of the edges along u, v, w.
+    start, slots: (n + 1,), (8 m,) where the elements of each node are.
+    slack: (n,) how far a node may be from the zero level; ``FREE`` or ``FIXED``.
+    level: what boundary nodes slide on.
+    """
+
+    device: Device
+    n_nodes: int
+    cells: NDArray[np.int32]
+    nodes: Buffer
+    log_lengths: Buffer
+    start: Buffer
+    slots: Buffer
+    slack: Buffer
+    level: Level
+    normal: Buffer
+    energy: Buffer
+    shares: Buffer
+    ones: Buffer
+
+    @property
+    def n_elements(self) -> int:
+        """Number of hexes."""
+        return len(self.cells)
+
+    def with_slack(self, slack: NDArray[Any]) -> "Movable":
+        """Give the same hexes with other slack (n,)."""
+        return replace(self, slack=self.device.put(slack.astype(np.float64)))
+
+    def slide(self, x: Buffer) -> None:
+        """Bring the nodes x (3, n) back to within their slack."""
+        args = (x, self.n_nodes, self.slack, *self.level.arguments, self.normal)
+        self.device.launch("optimize.slide", self.n_nodes, *args)
+
+    def evaluate(self, x: Buffer, goal: Goal, gradient: Buffer) -> float:
+        """Energy at x (3, n), slid before, and its gradient (3, n) along what the nodes may do."""
+        m, device = self.n_elements, self.device
+        wanted = (float(goal.jacobian), goal.power, float(goal.edges))
+        device.launch(
+            "optimize.hex_energy",
+            m,
+            x,
+            self.n_nodes,
+            self.nodes,
+            m,
+            self.log_lengths,
+            *wanted,
+            self.energy,
+            self.shares,
+        )
+        args = (self.shares, m, self.start, self.slots, self.normal, self.slack, self.n_nodes, gradient)
+        device.launch("optimize.node_gradient", self.n_nodes, *args)
+        parts = device.empty(PARTS)
+        device.launch("vectors.dot_parts", PARTS, self.energy, self.ones, m, PARTS, parts)
+        return float(np.sum(device.get(parts), dtype=np.float64))
+
+    def scaled_jacobian(self, x: Buffer) -> NDArray[Any]:
+        """Scaled Jacobian (m,) of each hex at x (3, n)."""
+        planes = self.device.get(x).reshape(3, -1)
+        out = self.device.empty(self.n_elements)
+        args = [self.device.put(plane) for plane in planes]
+        cells = self.device.put(self.cells)
+        self.device.launch("quality.hex_scaled_jacobian", self.n_elements, *args, cells, self.n_elements, out)
+        return np.array(self.device.get(out))
+
+
+def movable(
+    cells: NDArray[np.int32],
+    n_nodes: int,
+    slack: NDArray[Any],
+    level: Level,
+    device: Device,
+    log_lengths: NDArray[Any] | None = None,
+) -> Movable:
+    """Bring hexes (m, 8) of n nodes with their slack (n,) to a device; target lengths are 1 unless given (3, m)."""
+    m = len(cells)
+    start, slots = node_slots(cells, n_nodes)
+    lengths = np.zeros(3 * m) if log_lengths is None else log_lengths
+    return Movable(
+        device=device,
+        n_nodes=n_nodes,
+        cells=cells,
+        nodes=device.put(np.ascontiguousarray(cells.T)),
+        log_lengths=device.put(lengths),
+        start=device.put(start),
+        slots=device.put(slots),
+        slack=device.put(slack.astype(np.float64)),
+        level=level,
+        normal=device.put(np.zeros(3 * n_nodes)),
+        energy=device.empty(m),
+        shares=device.empty(24 * m),
+        ones=device.put(np.ones(m)),
+    )
+
+
+def node_slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Where each node is a vertex: slots a m + e from ``start[node]`` to ``start[node + 1]``, increasing."""
+    by_vertex = cells.T.reshape(-1)
+    start = np.zeros(n_nodes + 1, dtype=np.int32)
+    np.cumsum(np.bincount(by_vertex, minlength=n_nodes), out=start[1:])
+    return start, np.argsort(by_vertex, kind="stable").astype(np.int32)
