@@ -12,8 +12,8 @@ from gpubspline.surface.boxes import CHUNK, walk_boxes
 from gpubspline.surface.surface import Floats, Integers, Surface, spelled, unique_edges
 
 ROUNDING = 1e-12
-"""Of the cube of the surface's extent: an end of an edge that makes a tetrahedron of less volume with a triangle lies in
-its plane, and the edge does not pass through."""
+"""Of the cube of the surface's extent. An end of an edge that makes a smaller tetrahedron with a triangle lies in its
+plane: the edge touches it and does not pass through."""
 
 
 def check_apart(surface: Surface, name: str = "the surface") -> None:

@@ -60,7 +60,7 @@ def _side(index: Floats, edge: Integers, place: Floats) -> NDArray[np.int8]:
     along, to = b - a, place - a
     area = along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
     area = np.where(area != 0, area, np.where(along[:, 1] != 0, -along[:, 1], along[:, 0]))
-    return np.where((area > 0) != turned, np.int8(1), np.int8(-1))
+    return np.asarray(np.where((area > 0) != turned, np.int8(1), np.int8(-1)))
 
 
 def _along(corners: Floats, place: Floats) -> Floats:
