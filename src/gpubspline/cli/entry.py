@@ -2,16 +2,13 @@
 
 import sys
 import warnings
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import typer
 
 from gpubspline.cli import commands as commands
-from gpubspline.cli.app import app
+from gpubspline.cli.app import USAGE_ERROR, app
 from gpubspline.errors import GpubsplineError, GpubsplineWarning
-
-USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
-"""Click's ``ClickException``, which Typer brings along in a copy of its own or not, by its version."""
 
 
 def main() -> None:

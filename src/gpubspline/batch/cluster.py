@@ -1,0 +1,118 @@
+"""The processes that work: a local cluster of dask.distributed, or one that runs already; a device a worker."""
+
+import importlib
+import logging
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from gpubspline.errors import BackendUnavailable, InputError
+
+TIMEOUT_S = 10
+"""How long a scheduler may take to answer, and its first worker to appear."""
+
+
+@contextmanager
+def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
+    """Give a ``distributed.Client`` of the scheduler at an address, or of a cluster of processes started for it here.
+
+    Raises
+    ------
+    BackendUnavailable where dask.distributed is not installed; InputError where no scheduler answers, it has no worker,
+    or its workers do not have this package.
+    """
+    distributed = _import_distributed()
+    _be_quiet()
+    if scheduler is None:
+        with _local(distributed, workers) as cluster, distributed.Client(cluster, set_as_default=False) as client:
+            yield client
+        return
+    try:
+        client = distributed.Client(scheduler, timeout=TIMEOUT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).strip().splitlines()
+        words = reason[0] if reason and not isinstance(error, OSError) else f"no answer within {TIMEOUT_S} s"
+        raise InputError(f"expected a dask scheduler at {scheduler}, got {words}") from None
+    with client:
+        _check_workers(client, scheduler)
+        yield client
+
+
+def _import_distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise BackendUnavailable("dask.distributed is not installed: pip install 'gpubspline[cohort]'") from None
+    return distributed
+
+
+def _be_quiet() -> None:
+    """Leave it to the records to say what went wrong: a worker that dies is reported there, with its subject."""
+    for name in ("distributed", "distributed.nanny", "distributed.scheduler", "distributed.core", "distributed.comm"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def _local(distributed: Any, workers: int) -> Any:
+    """Processes of one thread each for the work, and their share of the cores for the kernels.
+
+    No web page, and no limit of memory: dask would pause or kill workers by rules made for tables.
+    """
+    threads = str(max(1, (os.cpu_count() or 1) // workers))
+    env = {"POCL_MAX_PTHREAD_COUNT": threads, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+    dask = importlib.import_module("dask")
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):  # whom to blame is counted in cohort.py
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=0,
+            silence_logs=logging.CRITICAL,
+            env=env,
+        )
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=TIMEOUT_S)
+    except OSError:
+        raise InputError(f"expected workers at {scheduler}, got none within {TIMEOUT_S} s") from None
+    for address, found in client.run(_has_package).items():
+        if not found:
+            raise InputError(f"expected gpubspline to be installed for the worker {address}, got a worker without it")
+
+
+def _has_package() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("gpubspline") is not None
+
+
+def gpus() -> tuple[str, ...]:
+    """Names of the CUDA devices that this process sees; of a machine without, none."""
+    from gpubspline.device import list_devices
+
+    return tuple(name for name, _ in list_devices() if name.startswith("warp:cuda:"))
+
+
+def deal(client: Any, devices: Sequence[str]) -> dict[str, str]:
+    """Device of each worker, by the worker's name: those of a machine in turn.
+
+    Arguments
+    ---------
+    client: whose workers.
+    devices: names for ``open_device``; none are the GPUs that each worker sees, by Warp.
+
+    Workers without a GPU are not among the result, nor are those that join later: ``auto`` is theirs.
+    """
+    known = client.scheduler_info(n_workers=-1)["workers"]
+    seen: Mapping[str, Sequence[str]] = {address: devices for address in known} if devices else client.run(gpus)
+    count: dict[str, int] = {}
+    dealt = {}
+    for address, worker in sorted(known.items(), key=lambda pair: str(pair[1]["name"])):
+        if seen.get(address):
+            turn = count[worker["host"]] = count.get(worker["host"], -1) + 1
+            dealt[str(worker["name"])] = seen[address][turn % len(seen[address])]
+    return dealt
