@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.mesh.distance import SurfaceDistance, summarise_distances
+from gpubspline.mesh.mass import mass_g
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality, merge
 
@@ -41,6 +42,7 @@ class Tally:
     quality: of the elements.
     out_of_range: nodes whose HU no range of the law covers, or None where there is no law.
     distances: distances (s,), mm, from the surface to the region's, and the weight (s,) of each; or None.
+    mass_g: of hexes with a density; None of others, and where it was not asked for.
     """
 
     element_type: str
@@ -51,6 +53,7 @@ class Tally:
     quality: Quality
     out_of_range: int | None = None
     distances: tuple[Floats, Floats] | None = None
+    mass_g: float | None = None
 
     @property
     def surface_distance(self) -> SurfaceDistance | None:
@@ -65,8 +68,9 @@ def tally(
     own_nodes: slice = slice(None),
     out_of_range: int | None = None,
     distances: tuple[Floats, Floats] | None = None,
+    weigh: bool = True,
 ) -> Tally:
-    """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it."""
+    """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it; ``weigh`` it or not."""
     own = {name: values[own_nodes] for name, values in mesh.fields.items()}
     spreads = {
         name: Spread(float(values.min()), float(values.max()), float(values.sum(dtype=np.float64)), values.size)
@@ -74,13 +78,15 @@ def tally(
     }
     size = mesh.volume_mm3 if mesh.element.dimension == 3 else mesh.area_mm2
     n_nodes = len(range(*own_nodes.indices(mesh.n_nodes)))
-    return Tally(mesh.element_type, n_nodes, mesh.n_elements, size, spreads, quality, out_of_range, distances)
+    counted = (mesh.element_type, n_nodes, mesh.n_elements, size, spreads, quality, out_of_range, distances)
+    return Tally(*counted, mass_g(mesh) if weigh else None)
 
 
 def add(parts: Sequence[Tally]) -> Tally:
     """Tally of a mesh from those of its parts, in the order of their elements."""
     spreads = {name: _joined([part.spreads[name] for part in parts]) for name in parts[0].spreads}
     outside = [part.out_of_range for part in parts if part.out_of_range is not None]
+    weights = [part.mass_g for part in parts]
     known = [part.distances for part in parts if part.distances is not None]
     return Tally(
         parts[0].element_type,
@@ -91,6 +97,7 @@ def add(parts: Sequence[Tally]) -> Tally:
         merge([part.quality for part in parts]),
         sum(outside) if outside else None,
         (np.concatenate([d for d, _ in known]), np.concatenate([w for _, w in known])) if known else None,
+        None if None in weights else sum(weight for weight in weights if weight is not None),
     )
 
 

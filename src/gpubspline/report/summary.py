@@ -54,6 +54,7 @@ def summary(
         "scaled_jacobian": counted.quality.to_dict(),
         "volume_mm3": sizes if solid else none,
         "area_mm2": none if solid else sizes,
+        "mass_g": counted.mass_g,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
         "hu": _spread(counted.spreads.get("HU")),
         "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
