@@ -66,7 +66,8 @@ def test_six_models_two_failures_and_nothing_to_do(run: Command, manifest: Path,
     assert (rows["slice"]["elements"], rows["slice"]["element_type"]) == ("361", "quad4")
     assert rows["stance"]["elements"] == rows["femur"]["elements"] == "378"
     assert rows["stance"]["volume_mm3"] == rows["femur"]["volume_mm3"] and rows["slice"]["volume_mm3"] == ""
-    assert float(rows["femur"]["mass_g"]) == pytest.approx(float(rows["femur"]["volume_mm3"]) * 1e-3, rel=0.5)
+    mean_g_cm3 = float(rows["femur"]["mass_g"]) / (1e-3 * float(rows["femur"]["volume_mm3"]))
+    assert 0.3 < mean_g_cm3 < 1.9  # a shaft and its marrow
     assert all(int(rows[name]["inverted"]) == 0 for name in rows if rows[name]["status"] == "done")
     solved = json.loads((out / "stance" / "solve.json").read_text())
     assert float(rows["stance"]["stiffness_n_per_mm"]) == pytest.approx(stiffness_n_per_mm(solved))
