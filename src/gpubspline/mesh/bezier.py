@@ -23,6 +23,9 @@ Project = Callable[[Floats], Floats]
 
 MAX_DEGREE = 3
 
+EASINGS = 5
+"""Most rounds in which the way of outer points to the surface is halved; below a tenth it is none."""
+
 
 @dataclass(frozen=True, eq=False)
 class BezierBlocks:
@@ -88,14 +91,18 @@ def _children(blocks: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     return (blocks[:, None] * count + np.arange(count)).ravel().astype(np.int32)
 
 
-def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2) -> BezierBlocks:
+def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 0.0) -> BezierBlocks:
     """Curve the hexes of a mesh so that their outer faces follow a surface.
+
+    Where a block would fold, or its least scaled Jacobian inside fall to ``floor``, its outer points go only part of
+    the way, if need be none.
 
     Arguments
     ---------
-    mesh: hex8; its corners stay.
+    mesh: hex8; corners inside stay.
     project: onto the surface.
     degree: 1 to 3.
+    floor: least scaled Jacobian at the block's own lattice points; blocks whose straight hex is below stay straight.
 
     Raises
     ------
@@ -104,29 +111,57 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2) -> BezierBlocks
     if mesh.element_type != "hex8" or not 1 <= degree <= MAX_DEGREE:
         raise InputError(f"expected hex8 and a degree of 1 to {MAX_DEGREE}, got {mesh.element_type} and {degree}")
     lattice = SharedLattice(mesh.cells.astype(np.int64), mesh.n_nodes, degree)
-    through = _through(lattice, mesh.points.astype(np.float64), project)
-    at = np.linspace(0, 1, degree + 1)
-    control = np.empty_like(through)
-    control[lattice.numbers] = _along_axes(np.asarray(np.linalg.inv(_bernstein(degree, at))), through[lattice.numbers])
+    corners = mesh.points.astype(np.float64)
+    share = np.ones(lattice.starts[-1])
+    for _ in range(EASINGS):
+        control = _control(lattice, _through(lattice, corners, project, share))
+        folded = _least_jacobian(lattice, control) <= floor
+        if not (folded & (share[lattice.numbers].max(axis=(1, 2, 3)) > 0)).any():
+            break
+        share[lattice.numbers[folded]] *= 0.5
+        share[share < 0.1] = 0.0
     return BezierBlocks(lattice, control, dict(mesh.element_sets))
 
 
-def _through(lattice: SharedLattice, corners: Floats, project: Project) -> Floats:
-    """Points (n, 3) that the blocks pass through at even parameters: of edges, then of faces, then inside."""
+def _control(lattice: SharedLattice, through: Floats) -> Floats:
+    """Control points (n, 3) of blocks that pass through points (n, 3) at even parameters."""
+    to_control = np.asarray(np.linalg.inv(_bernstein(lattice.degree, np.linspace(0, 1, lattice.degree + 1))))
+    control = np.empty_like(through)
+    control[lattice.numbers] = _along_axes(to_control, through[lattice.numbers])
+    return control
+
+
+def _least_jacobian(lattice: SharedLattice, control: Floats) -> Floats:
+    """(m,) least scaled Jacobian of each block at (2 d + 1)^3 even parameters."""
+    at = np.linspace(0, 1, 2 * lattice.degree + 1)
+    value, slope = _bernstein(lattice.degree, at), _bernstein_slope(lattice.degree, at)
+    blocks = control[lattice.numbers]
+    tangents = [_tensor([slope if i == axis else value for i in range(3)], blocks) for axis in range(3)]
+    lengths = np.prod([np.linalg.norm(tangent, axis=-1) for tangent in tangents], axis=0)
+    volume = np.einsum("...x,...x->...", np.cross(tangents[0], tangents[1]), tangents[2])
+    return np.asarray((volume / np.maximum(lengths, np.finfo(float).tiny)).min(axis=(1, 2, 3)))
+
+
+def _through(lattice: SharedLattice, corners: Floats, project: Project, share: Floats) -> Floats:
+    """Points (n, 3) that the blocks pass through at even parameters: of edges, then of faces, then inside.
+
+    ``share`` (n,): which part of its way to the surface each outer point goes.
+    """
     on_edges, on_faces, inside, count = lattice.starts
-    d, outer = lattice.degree, lattice.on_boundary
+    d, outer = lattice.degree, np.flatnonzero(lattice.on_boundary)
     points = np.zeros((count, 3))
     points[:on_edges] = corners
-    low, high = corners[lattice.edges[0].T]
-    share = (np.arange(1, d) / d)[:, None]
-    points[on_edges:on_faces] = (low[:, None] * (1 - share) + high[:, None] * share).reshape(-1, 3)
-    _put_on(points, project, np.flatnonzero(outer[:on_faces]), skip=on_edges)
+    _put_on(points, project, outer[outer < on_edges], share)
+    low, high = points[lattice.edges[0].T]
+    part = (np.arange(1, d) / d)[:, None]
+    points[on_edges:on_faces] = (low[:, None] * (1 - part) + high[:, None] * part).reshape(-1, 3)
+    _put_on(points, project, outer[(outer >= on_edges) & (outer < on_faces)], share)
     for axis, side in FACES:
         numbers = np.take(lattice.numbers, side * d, axis=1 + axis)
         values = points[numbers]
         one, other = _between_ends(values, 1), _between_ends(values, 2)
         points[numbers[:, 1:d, 1:d]] = (one + other - _between_ends(one, 2))[:, 1:d, 1:d]
-    _put_on(points, project, np.flatnonzero(outer[:inside]), skip=on_faces)
+    _put_on(points, project, outer[(outer >= on_faces) & (outer < inside)], share)
     values = points[lattice.numbers]
     inner = values
     for axis in (1, 2, 3):  # what three differences from the linear blends leave is nothing: the blend of all faces
@@ -135,10 +170,9 @@ def _through(lattice: SharedLattice, corners: Floats, project: Project) -> Float
     return points
 
 
-def _put_on(points: Floats, project: Project, numbers: NDArray[np.int64], skip: int) -> None:
-    chosen = numbers[numbers >= skip]
-    if chosen.size:
-        points[chosen] = project(points[chosen])
+def _put_on(points: Floats, project: Project, numbers: NDArray[np.int64], share: Floats) -> None:
+    if numbers.size:
+        points[numbers] += share[numbers, None] * (project(points[numbers]) - points[numbers])
 
 
 def _between_ends(values: Floats, axis: int) -> Floats:
@@ -156,6 +190,17 @@ def _bernstein(degree: int, at: Floats) -> Floats:
     return np.stack([comb(degree, i) * at**i * (1 - at) ** (degree - i) for i in range(degree + 1)], axis=1)
 
 
+def _bernstein_slope(degree: int, at: Floats) -> Floats:
+    """(points, d + 1) derivatives of the Bernstein polynomials."""
+    lower = np.pad(_bernstein(degree - 1, at), ((0, 0), (1, 1)))
+    return degree * (lower[:, :-1] - lower[:, 1:])
+
+
 def _along_axes(matrix: NDArray[Any], values: Floats) -> Floats:
     """Apply a matrix (k, d + 1) along each of u, v, w of (m, d + 1, d + 1, d + 1, 3)."""
-    return np.asarray(np.einsum("au,bv,cw,muvwx->mabcx", matrix, matrix, matrix, values, optimize=True))
+    return _tensor([matrix] * 3, values)
+
+
+def _tensor(matrices: list[Any], values: Floats) -> Floats:
+    """Apply a matrix (k, d + 1) along u, one along v and one along w of (m, d + 1, d + 1, d + 1, 3)."""
+    return np.asarray(np.einsum("au,bv,cw,muvwx->mabcx", *matrices, values, optimize=True))

@@ -1,0 +1,43 @@
+"""Blocks curved on to their level set."""
+
+import numpy as np
+import pytest
+
+from gpubspline.ct.enclosed import enclosed_volume
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
+from gpubspline.mesh.blocks.curved import curve, onto
+from gpubspline.mesh.blocks.level_set import SAMPLES
+from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.quality import assess
+
+
+def torus() -> Region:
+    lines = [np.arange(-20.0, 21.0), np.arange(-20.0, 21.0), np.arange(-9.0, 10.0)]
+    x, y, z = np.meshgrid(*lines, indexing="ij")
+    distance = (np.hypot(np.hypot(x, y) - 12, z) - 5).transpose(2, 1, 0).astype(np.float32)
+    affine = np.eye(4)
+    affine[:3, 3] = [line[0] for line in lines]
+    return Region(distance < 0, distance, affine)
+
+
+def test_curved_blocks_follow_the_level_set(device: Device) -> None:
+    made = blocks_mesh(torus(), 2.0, device=device)
+    level = enclosed_volume(made.level.phi, made.level.to_mm @ np.diag([1 / SAMPLES] * 3 + [1]))
+    curved = curve(made, device=device)
+    hex27 = curved.sample(1, "hex27")
+    straight, bent = (abs(mesh.volume_mm3 / level - 1) for mesh in (made.mesh, hex27))
+    assert bent < 0.002 and bent < straight / 8
+    assert assess(hex27, device)[1].min == pytest.approx(made.report.min_scaled_jacobian, abs=1e-3)
+    assert abs(level / (2 * np.pi**2 * 12 * 25) - 1) < 0.01
+
+
+def test_any_density_lies_on_the_level_set(device: Device) -> None:
+    made = blocks_mesh(torus(), 2.5, device=device)
+    project = onto(made.level, device)
+    fine = curve(made, floor=0.3, device=device).sample(3, project=project)
+    assert fine.n_elements == 27 * made.mesh.n_elements
+    assert assess(fine, device)[1].min > 0.3
+    surface = fine.points[np.unique(fine.boundary())]
+    assert np.abs(project(surface) - surface).max() < 1e-3
+    assert np.abs(np.hypot(np.hypot(surface[:, 0], surface[:, 1]) - 12, surface[:, 2]) - 5).max() < 0.15
