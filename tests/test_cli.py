@@ -140,7 +140,9 @@ def test_quality_of_a_file(run: Command, femur: Path, tmp_path: Path) -> None:
     run("mesh", femur, "-o", tmp_path / "m.vtu", *FEMUR)
     status, out, _ = run("quality", tmp_path / "m.vtu", "--summary", summary, "--histogram", tmp_path / "h.png")
     assert status == 0 and "5,610 hex8" in out and (tmp_path / "h.png").exists()
-    assert json.loads(summary.read_text())["scaled_jacobian"]["inverted"] == 0
+    figures = json.loads(summary.read_text())
+    assert figures["scaled_jacobian"]["inverted"] == 0 and figures["certified_valid"] is True
+    assert "every hex certified valid throughout" in out
 
 
 def test_info_of_ct_and_mesh(run: Command, femur: Path, tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from gpubspline.mesh.quality import assess as assess
     from gpubspline.mesh.quality import scaled_jacobian as scaled_jacobian
     from gpubspline.mesh.sample import sample as sample
+    from gpubspline.mesh.validity import certify as certify
     from gpubspline.report.histogram import write_histogram as write_histogram
     from gpubspline.report.picture import write_picture as write_picture
     from gpubspline.spline.fit import fit as fit
@@ -78,6 +79,7 @@ _HOME = {
     "mesh.mesh": ("Mesh",),
     "mesh.quality": ("Quality", "assess", "scaled_jacobian"),
     "mesh.sample": ("sample",),
+    "mesh.validity": ("certify",),
     "report.histogram": ("write_histogram",),
     "report.picture": ("write_picture",),
     "spline.fit": ("fit",),

@@ -10,6 +10,7 @@ from gpubspline.mesh.distance import distances
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.tally import tally
+from gpubspline.mesh.validity import certify
 from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
 from gpubspline.report.summary import summary
 from gpubspline.segment import find_region
@@ -44,9 +45,11 @@ def sample_patch(
         mesh, material = apply_material(mesh, sampling.law, device=device, **sampling.policy)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
+        certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None
     with clock.stage("distance"):
         off = None if region is None else distances(mesh, region, device)
-        counted = tally(mesh, quality, out_of_range=material.out_of_range, distances=off)
+        known: dict[str, Any] = {"out_of_range": material.out_of_range, "distances": off, "certificate": certificate}
+        counted = tally(mesh, quality, **known)
     return Model(mesh, counted, sampling)
 
 

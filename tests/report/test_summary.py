@@ -14,6 +14,7 @@ from gpubspline.material.mapping import apply_material
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.tally import tally
+from gpubspline.mesh.validity import certify
 from gpubspline.report.summary import summary, write_summary
 
 
@@ -24,9 +25,10 @@ def cube(device: Device) -> dict[str, Any]:
     mesh = Mesh(points, "hex8", structure=(3, 3, 3), fields={"HU": 100.0 * np.arange(27)})
     mesh, material = apply_material(mesh, device=device)
     mesh, quality = assess(mesh, device)
+    certificate = certify(mesh, device).certificate
     off = np.array([0.0, 0.1, 0.3]), np.array([1.0, 94.0, 5.0])
     return summary(
-        tally(mesh, quality, out_of_range=material.out_of_range, distances=off),
+        tally(mesh, quality, out_of_range=material.out_of_range, distances=off, certificate=certificate),
         device,
         {"read": 0.5, "mesh": 1.5},
         law=material.law,
@@ -48,6 +50,13 @@ def test_what_the_summary_holds(device: Device, tmp_path: Path) -> None:
     assert (jacobian["fraction_above_0.5"], jacobian["fraction_below_0.1"], jacobian["inverted"]) == (1.0, 0.0, 0)
     assert jacobian["histogram"]["edges"] == pytest.approx(np.linspace(0, 1, 11))
     assert jacobian["histogram"]["counts"] == [0] * 9 + [8]
+    assert read["certified_valid"] is True
+    assert read["jacobian_determinant"] == {
+        "certified": 8,
+        "negative": 0,
+        "undecided": 0,
+        "least_ratio": pytest.approx(1.0),
+    }
     assert read["volume_mm3"] == {"mesh": pytest.approx(8.0), "region": 8.5}
     assert read["surface_distance_mm"] == {"mean": pytest.approx(0.109), "p95": 0.1, "max": 0.3}
     assert read["hu"] == {"min": 0.0, "max": 2600.0, "mean": 1300.0}

@@ -13,7 +13,9 @@ from gpubspline.material.laws import Law
 from gpubspline.material.registry import DEFAULT_LAW
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality
+from gpubspline.mesh.validity import Certificate
 from gpubspline.report.histogram import text_histogram
+from gpubspline.report.summary import validity_figures
 from gpubspline.spline.fit import FitError
 from gpubspline.spline.hyperpatch import Hyperpatch
 
@@ -73,10 +75,24 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     return lines + ([f"sets       {', '.join(sets)}"] if sets else [])
 
 
-def quality_figures(mesh: Mesh, quality: Quality) -> dict[str, Any]:
+def quality_figures(mesh: Mesh, quality: Quality, certificate: Certificate | None = None) -> dict[str, Any]:
     """Figures of a mesh file's elements, for JSON."""
     head = {"nodes": mesh.n_nodes, "elements": mesh.n_elements, "element_type": mesh.element_type}
-    return head | {"scaled_jacobian": quality.to_dict()}
+    return head | {"scaled_jacobian": quality.to_dict(), **validity_figures(certificate)}
+
+
+def validity_lines(counts: dict[str, Any] | None) -> list[str]:
+    """What is known of the determinants inside hexes, not only at corners."""
+    if counts is None:
+        return []
+    if counts["negative"] == counts["undecided"] == 0:
+        return [
+            f"inside     every hex certified valid throughout, determinant from {counts['least_ratio']:.3f} of its mean"
+        ]
+    return [
+        f"inside     {counts['certified']:,} hexes certified valid throughout, {counts['negative']:,} invalid at some "
+        f"place, {counts['undecided']:,} undecided"
+    ]
 
 
 def quality_lines(mesh: Mesh, quality: Quality) -> list[str]:
@@ -146,6 +162,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
         f"quality    scaled Jacobian from {quality['min']:.3f}, mean {quality['mean']:.3f}; "
         f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
         f"{quality['inverted']} inverted",
+        *validity_lines(figures.get("jacobian_determinant")),
     ]
     size, distance = figures["volume_mm3"], figures["surface_distance_mm"]
     if size["mesh"] is not None:

@@ -10,6 +10,7 @@ from gpubspline.mesh.distance import SurfaceDistance, summarise_distances
 from gpubspline.mesh.mass import mass_g
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality, merge
+from gpubspline.mesh.validity import Certificate
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,7 @@ class Tally:
     out_of_range: nodes whose HU no range of the law covers, or None where there is no law.
     distances: distances (s,), mm, from the surface to the region's, and the weight (s,) of each; or None.
     mass_g: of hexes with a density; None of others, and where it was not asked for.
+    certificate: of the hexes' validity; None of quads, and where it was not asked for.
     """
 
     element_type: str
@@ -54,6 +56,7 @@ class Tally:
     out_of_range: int | None = None
     distances: tuple[Floats, Floats] | None = None
     mass_g: float | None = None
+    certificate: Certificate | None = None
 
     @property
     def surface_distance(self) -> SurfaceDistance | None:
@@ -69,6 +72,7 @@ def tally(
     out_of_range: int | None = None,
     distances: tuple[Floats, Floats] | None = None,
     weigh: bool = True,
+    certificate: Certificate | None = None,
 ) -> Tally:
     """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it; ``weigh`` it or not."""
     own = {name: values[own_nodes] for name, values in mesh.fields.items()}
@@ -79,7 +83,7 @@ def tally(
     size = mesh.volume_mm3 if mesh.element.dimension == 3 else mesh.area_mm2
     n_nodes = len(range(*own_nodes.indices(mesh.n_nodes)))
     counted = (mesh.element_type, n_nodes, mesh.n_elements, size, spreads, quality, out_of_range, distances)
-    return Tally(*counted, mass_g(mesh) if weigh else None)
+    return Tally(*counted, mass_g(mesh) if weigh else None, certificate)
 
 
 def add(parts: Sequence[Tally]) -> Tally:

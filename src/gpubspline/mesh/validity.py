@@ -1,9 +1,9 @@
 """Whether the Jacobian determinant is positive throughout every element, not only at its corners: a certificate.
 
 The determinant of a trilinear hex has degree 2 along each parameter, that of a quadratic one degree 5. Its Bernstein
-coefficients bound it: it is nowhere less than the least of them, and at the corners it is what theirs are. Elements whose
-least coefficient is not positive and whose corners are not negative are cut in eight, which draws the coefficients
-nearer to the determinant, until each part is certified or a place with a negative determinant is found.
+coefficients bound it: it is nowhere less than the least of them, and at the corners it is what theirs are. An element
+whose least coefficient is not positive, but whose corners are, is cut in eight, which draws the coefficients nearer to
+the determinant, until each part is certified or a place with a negative determinant is found.
 
 Source: Johnen, Remacle, Geuzaine 2013, Geometrical validity of curvilinear finite elements, J. Comput. Phys. 233.
 """
@@ -30,6 +30,38 @@ _CHUNK = 1 << 22  # coefficients held at a time
 _MOST = 1 << 24  # coefficients of parts of undecided elements, beyond which they are left so
 
 
+@dataclass(frozen=True)
+class Certificate:
+    """How many elements are known to be valid throughout.
+
+    Attributes
+    ----------
+    certified: elements whose determinant is positive throughout.
+    negative: elements with a place where it is 0 or less, as far as rounding lets tell.
+    undecided: the others.
+    least_ratio: no element's determinant is anywhere less than this part of its mean.
+    """
+
+    certified: int
+    negative: int
+    undecided: int
+    least_ratio: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether every element is certified."""
+        return self.negative == self.undecided == 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {
+            "certified": self.certified,
+            "negative": self.negative,
+            "undecided": self.undecided,
+            "least_ratio": self.least_ratio,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Validity:
     """What is known of the determinants inside the elements of a mesh.
@@ -38,30 +70,18 @@ class Validity:
     ----------
     lower, upper: (m,) bounds of each element's least determinant over its mean one: 1 for a parallelepiped, -1 or 0
         where the mean is not positive.
-    certified: elements whose determinant is positive throughout.
-    negative: elements with a place where it is 0 or less, as far as rounding lets tell.
-    undecided: the others.
+    verdict: (m,) int8: 1 where it is certified, -1 where a place of 0 or less is known, 0 where it is not decided.
     """
 
     lower: Floats
     upper: Floats
-    certified: int
-    negative: int
-    undecided: int
+    verdict: NDArray[np.int8]
 
     @property
-    def certified_valid(self) -> bool:
-        """Whether every element is certified."""
-        return self.certified == len(self.lower)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON."""
-        return {
-            "certified": self.certified,
-            "negative": self.negative,
-            "undecided": self.undecided,
-            "least_ratio": float(self.lower.min()),
-        }
+    def certificate(self) -> Certificate:
+        """The counts."""
+        certified, negative, undecided = (int(np.count_nonzero(self.verdict == value)) for value in (1, -1, 0))
+        return Certificate(certified, negative, undecided, float(self.lower.min()))
 
 
 def certify(mesh: Mesh, device: Device) -> Validity:
@@ -80,9 +100,7 @@ def certify(mesh: Mesh, device: Device) -> Validity:
     for first in range(0, mesh.n_elements, step):
         cells = mesh.cells_of(np.arange(first, min(first + step, mesh.n_elements)))
         parts.append(_bounds_of(mesh, cells, planes, rounding, device))
-    lower, upper, verdict = (np.concatenate(values) for values in zip(*parts, strict=True))
-    counts = [int(np.count_nonzero(verdict == value)) for value in (1, -1, 0)]
-    return Validity(lower, upper, *counts)
+    return Validity(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 def _order(element: Element) -> int:
@@ -119,7 +137,8 @@ def _bounds_of(
     mean = held.mean(axis=(0, 1, 2), dtype=np.float64)  # of Bernstein polynomials all integrals are alike
     scale = np.where(mean > margin, mean, np.nan)
     worse = np.minimum(np.sign(upper), 0.0)  # inverted on the whole: no ratio
-    return *(np.where(mean > margin, value / scale, worse) for value in (lower, upper)), verdict
+    lower, upper = (np.where(mean > margin, value / scale, worse) for value in (lower, upper))
+    return lower, upper, verdict
 
 
 def _coefficients(element: Element, cells: NDArray[np.int32], planes: list[Buffer], device: Device) -> Buffer:

@@ -12,6 +12,7 @@ from gpubspline.files import whole_file
 from gpubspline.material.laws import Law
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.tally import Spread, Tally
+from gpubspline.mesh.validity import Certificate
 
 
 def summary(
@@ -52,6 +53,7 @@ def summary(
         "elements": counted.n_elements,
         "element_type": counted.element_type,
         "scaled_jacobian": counted.quality.to_dict(),
+        **validity_figures(counted.certificate),
         "volume_mm3": sizes if solid else none,
         "area_mm2": none if solid else sizes,
         "mass_g": counted.mass_g,
@@ -67,6 +69,13 @@ def summary(
         "precision": device.real.name,
         "seconds": {"total": sum(seconds.values()), **seconds},
     }
+
+
+def validity_figures(certificate: Certificate | None) -> dict[str, Any]:
+    """Whether the determinant is known to be positive throughout every hex; None where it was not asked."""
+    if certificate is None:
+        return {"certified_valid": None, "jacobian_determinant": None}
+    return {"certified_valid": certificate.valid, "jacobian_determinant": certificate.to_dict()}
 
 
 def describe_law(law: Law, policy: str | None) -> dict[str, Any]:

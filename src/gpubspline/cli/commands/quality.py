@@ -21,10 +21,11 @@ def quality(
     summary: SummaryOutput = None,
     histogram: HistogramOutput = None,
 ) -> None:
-    """Judge the elements of a mesh file by their scaled Jacobian."""
+    """Judge the elements of a mesh file by their scaled Jacobian, and whether hexes are valid throughout."""
     from gpubspline.cli import describe
     from gpubspline.export import read_mesh
     from gpubspline.mesh.quality import assess
+    from gpubspline.mesh.validity import certify
     from gpubspline.report.histogram import write_histogram
     from gpubspline.report.sheet import check_png
     from gpubspline.report.summary import write_summary
@@ -41,8 +42,15 @@ def quality(
             found = read_mesh(mesh)
         with clock.stage("quality"):
             found, judged = assess(found, device)
+            inside = certify(found, device).certificate if found.element.dimension == 3 else None
     if summary:
-        write_summary(describe.quality_figures(found, judged), summary)
+        write_summary(describe.quality_figures(found, judged, inside), summary)
     if histogram:
         write_histogram(judged, histogram)
-    run.say(describe.quality_lines(found, judged) + describe.wrote(written))
+    run.say(
+        [
+            *describe.quality_lines(found, judged),
+            *describe.validity_lines(inside.to_dict() if inside else None),
+            *describe.wrote(written),
+        ]
+    )
