@@ -110,34 +110,31 @@ inline real weight(int J, __global const int *centre, __global const real *side,
     return away == 0 ? (real)1 : away == -1 ? side[2 * J] : away == 1 ? side[2 * J + 1] : (real)0;
 }
 
-// S of the coarse grid, P^T S P; launched over (27, coarse nodes).
-__kernel void coarsen(__global const real *stencil, int n_u, int n_v, int n_w, int c_u, int c_v, int c_w,
+// S of a grid that is coarser along one axis only, with `count` nodes there, P^T S P; launched over (27, its nodes). What
+// `centre` and `side` say of that axis begins at `begin`.
+__kernel void coarsen(__global const real *stencil, int n_u, int n_v, int n_w, int axis, int count, int begin,
                       __global const int *centre, __global const real *side, __global real *coarse)
 {
-    int I = get_global_id(0), o = get_global_id(1), to[3], at[3], size[3] = {c_u, c_v, c_w};
+    int c_u = axis == 0 ? count : n_u, c_v = axis == 1 ? count : n_v, c_w = axis == 2 ? count : n_w;
+    int I = get_global_id(0), o = get_global_id(1);
     if (I >= c_u * c_v * c_w)
         return;
-    int begin[3] = {0, c_u, c_u + c_v}, place[3] = {I % c_u, I / c_u % c_v, I / c_u / c_v};
-    int shift[3] = {o % 3 - 1, o / 3 % 3 - 1, o / 9 - 1};
+    int u = I % c_u, v = I / c_u % c_v, w = I / c_u / c_v, step = axis == 0 ? u : axis == 1 ? v : w;
+    int stride = axis == 0 ? 1 : axis == 1 ? n_u : n_u * n_v, power = axis == 0 ? 1 : axis == 1 ? 3 : 9;
+    int start = (axis == 0 ? 0 : u) + n_u * ((axis == 1 ? 0 : v) + n_v * (axis == 2 ? 0 : w));
+    int shift = o / power % 3 - 1, other = step + shift;
     real sum[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    bool outside = false;
-    for (int d = 0; d < 3; d++) {
-        outside |= place[d] + shift[d] < 0 || place[d] + shift[d] >= size[d];
-        at[d] = begin[d] + place[d];
-        to[d] = at[d] + shift[d];
-    }
-    for (int row = 0; row < 27 && !outside; row++) {
-        int fu = centre[at[0]] + row % 3 - 1, fv = centre[at[1]] + row / 3 % 3 - 1, fw = centre[at[2]] + row / 9 - 1;
-        real w = weight(at[0], centre, side, fu) * weight(at[1], centre, side, fv) * weight(at[2], centre, side, fw);
-        if (w == 0)
+    for (int row = -1; row <= 1 && other >= 0 && other < count; row++) {
+        int at = centre[begin + step] + row;
+        real share = weight(begin + step, centre, side, at);
+        if (share == 0)
             continue;
-        __global const real *entries = stencil + TILE(fu + n_u * (fv + n_v * fw));
-        for (int q = 0; q < 27; q++) {
-            real value = weight(to[0], centre, side, fu + q % 3 - 1) * weight(to[1], centre, side, fv + q / 3 % 3 - 1) *
-                         weight(to[2], centre, side, fw + q / 9 - 1);
+        __global const real *entries = stencil + TILE(start + at * stride);
+        for (int q = -1; q <= 1; q++) {
+            real value = share * weight(begin + other, centre, side, at + q);
             if (value != 0)
                 for (int entry = 0; entry < 9; entry++)
-                    sum[entry] += w * value * entries[8 * (9 * q + entry)];
+                    sum[entry] += value * entries[8 * (9 * (o + (q - shift) * power) + entry)];
         }
     }
     for (int entry = 0; entry < 9; entry++)

@@ -186,44 +186,46 @@ def coarsen(
     n_u: wp.int32,
     n_v: wp.int32,
     n_w: wp.int32,
-    c_u: wp.int32,
-    c_v: wp.int32,
-    c_w: wp.int32,
+    axis: wp.int32,
+    count: wp.int32,
+    begin: wp.int32,
     centre: wp.array(dtype=wp.int32),
     side: wp.array(dtype=Any),
     coarse: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """S of the coarse grid, P^T S P; launched over (27, coarse nodes)."""
+    """S of a grid that is coarser along one axis only, with ``count`` nodes there, P^T S P.
+
+    Launched over (27, its nodes). What ``centre`` and ``side`` say of that axis begins at ``begin``.
+    """
     tid_o, node = wp.tid()
     o = tid_o + first
+    c_u = wp.where(axis == 0, count, n_u)
+    c_v = wp.where(axis == 1, count, n_v)
     u = node % c_u
     v = node // c_u % c_v
     w = node // c_u // c_v
-    to_u = u + o % 3 - 1
-    to_v = v + o // 3 % 3 - 1
-    to_w = w + o // 9 - 1
+    step = wp.where(axis == 0, u, wp.where(axis == 1, v, w))
+    stride = wp.where(axis == 0, 1, wp.where(axis == 1, n_u, n_u * n_v))
+    power = wp.where(axis == 0, 1, wp.where(axis == 1, 3, 9))
+    start = node + (n_u - c_u) * (v + c_v * w) + n_u * (n_v - c_v) * w - step * stride
+    shift = o // power % 3 - 1
+    other = step + shift
     total = wp.matrix(shape=(3, 3), dtype=coarse.dtype)
     none = coarse.dtype(0.0)
-    rows = wp.int32(27)  # a variable, so that the loops stay loops
-    if to_u >= 0 and to_v >= 0 and to_w >= 0 and to_u < c_u and to_v < c_v and to_w < c_w:
-        for row in range(rows):
-            fu = centre[u] + row % 3 - 1
-            fv = centre[c_u + v] + row // 3 % 3 - 1
-            fw = centre[c_u + c_v + w] + row // 9 - 1
-            share = weight(u, centre, side, fu) * weight(c_u + v, centre, side, fv)
-            share = share * weight(c_u + c_v + w, centre, side, fw)
+    if other >= 0 and other < count:
+        for row in range(-1, 2):
+            at = centre[begin + step] + row
+            share = weight(begin + step, centre, side, at)
             if share != none:
-                at = tile(fu + n_u * (fv + n_v * fw))
-                for q in range(rows):
-                    value = weight(to_u, centre, side, fu + q % 3 - 1)
-                    value = value * weight(c_u + to_v, centre, side, fv + q // 3 % 3 - 1)
-                    value = value * weight(c_u + c_v + to_w, centre, side, fw + q // 9 - 1)
+                entries = tile(start + at * stride)
+                for q in range(-1, 2):
+                    value = share * weight(begin + other, centre, side, at + q)
                     if value != none:
+                        place = entries + wp.int64(8 * 9 * (o + (q - shift) * power))
                         for r in range(3):
                             for c in range(3):
-                                entry = stencil[at + wp.int64(8 * (9 * q + 3 * r + c))]
-                                total[r, c] = total[r, c] + share * value * entry
+                                total[r, c] = total[r, c] + value * stencil[place + wp.int64(8 * (3 * r + c))]
     for r in range(3):
         for c in range(3):
             coarse[tile(node) + wp.int64(8 * (9 * o + 3 * r + c))] = total[r, c]

@@ -72,12 +72,17 @@ class Grid:
     @property
     def pad(self) -> int:
         """Zeros before and after each plane of a vector."""
-        return _pad(self.counts)
+        return self.counts[0] * self.counts[1] + self.counts[0] + 1
+
+    @property
+    def padded(self) -> int:
+        """Length of a vector."""
+        return 3 * (self.n + self.pad) + self.pad
 
     @cached_property
     def vectors(self) -> tuple[Buffer, Buffer, Buffer, Buffer]:
         """The right side b, the solution x, the step d and the defect r."""
-        b, x, d, r = (self.device.put(np.zeros(_size(self.counts), self.device.real)) for _ in range(4))
+        b, x, d, r = (self.device.put(np.zeros(self.padded, self.device.real)) for _ in range(4))
         return b, x, d, r
 
     def smooth(self, still: bool) -> None:
@@ -89,25 +94,31 @@ class Grid:
         for number in range(SMOOTHINGS):
             first = still and number == 0
             self.step(b, x, d, keep, step, still=first)
-            self.device.launch(
-                "vectors.combine", _size(self.counts), d, 1.0, 0.0 if first else 1.0, _size(self.counts), x
-            )
+            self.device.launch("vectors.combine", self.padded, d, 1.0, 0.0 if first else 1.0, self.padded, x)
             after = 1 / (2 * middle / reach - rho)
             keep, step, rho = after * rho, 2 * after / reach, after
+
+    def defect(self, b: Buffer, x: Buffer, r: Buffer) -> None:
+        """R = b - S x."""
+        self.device.launch("stencil.defect", self.n, self.stencil, b, x, *self.counts[:2], self.n, self.pad, r)
+
+    def read(self, vector: Buffer) -> NDArray[Any]:
+        """Components (3, n) of a vector."""
+        return self._planes(np.asarray(self.device.get(vector)))
+
+    def write(self, vector: Buffer, values: NDArray[Any]) -> None:
+        """Set a vector to components (3, n)."""
+        flat = np.zeros(self.padded, self.device.real)
+        self._planes(flat)[:] = values
+        self.device.launch("vectors.combine", self.padded, self.device.put(flat), 1.0, 0.0, self.padded, vector)
+
+    def _planes(self, flat: NDArray[Any]) -> NDArray[Any]:
+        return flat[self.pad :].reshape(3, self.n + self.pad)[:, : self.n]
 
     def step(self, b: Buffer, x: Buffer, d: Buffer, keep: float, step: float, still: bool = False) -> None:
         """d = keep d + step B (b - S x)."""
         how = (int(still), keep, step, *self.counts[:2], self.n, self.pad, d)
         self.device.launch("stencil.smooth", self.n, self.stencil, self.inverse, b, x, *how)
-
-
-def _pad(counts: Counts) -> int:
-    return counts[0] * counts[1] + counts[0] + 1
-
-
-def _size(counts: Counts) -> int:
-    n = int(np.prod(counts))
-    return 3 * (n + _pad(counts)) + _pad(counts)
 
 
 def _stencil_size(counts: Counts) -> int:
@@ -123,37 +134,29 @@ class Multigrid:
 
     def cycle(self, r: NDArray[Any]) -> NDArray[Any]:
         """Apply one V-cycle to a residual (3, n); gives the correction (3, n)."""
-        _write(self.grids[0], 0, r)
+        finest = self.grids[0]
+        finest.write(finest.vectors[0], r)
+        self.descend()
+        return finest.read(finest.vectors[1])
+
+    def descend(self) -> None:
+        """Make the finest grid's x the correction of its b."""
         for grid, coarser in zip(self.grids, self.grids[1:], strict=False):
             grid.smooth(still=True)
             _restrict(grid, coarser)
         last = self.grids[-1]
-        _write(last, 1, (self.coarsest @ _read(last, 0).ravel()).reshape(3, -1))
+        b, x, *_ = last.vectors
+        last.write(x, (self.coarsest @ last.read(b).ravel()).reshape(3, -1))
         for grid, coarser in zip(self.grids[-2::-1], self.grids[:0:-1], strict=True):
             _prolong(coarser, grid)
             grid.smooth(still=False)
-        return _read(self.grids[0], 1)
-
-
-def _planes(grid: Grid, flat: NDArray[Any]) -> NDArray[Any]:
-    return flat[grid.pad :].reshape(3, grid.n + grid.pad)[:, : grid.n]
-
-
-def _read(grid: Grid, number: int) -> NDArray[Any]:
-    return _planes(grid, np.asarray(grid.device.get(grid.vectors[number])))
-
-
-def _write(grid: Grid, number: int, values: NDArray[Any]) -> None:
-    flat = np.zeros(_size(grid.counts), grid.device.real)
-    _planes(grid, flat)[:] = values
-    grid.device.launch("vectors.combine", len(flat), grid.device.put(flat), 1.0, 0.0, len(flat), grid.vectors[number])
 
 
 def _restrict(grid: Grid, coarser: Grid) -> None:
     b, x, _, r = grid.vectors
     way = grid.transfer
     assert way is not None
-    grid.device.launch("stencil.defect", grid.n, grid.stencil, b, x, *grid.counts[:2], grid.n, grid.pad, r)
+    grid.defect(b, x, r)
     fine, coarse = (*grid.counts[:2], grid.n, grid.pad), (*coarser.counts[:2], coarser.n, coarser.pad)
     where = (way.centre, way.side, grid.free, coarser.vectors[0])
     grid.device.launch("stencil.restrict_vector", (3, coarser.n), r, *fine, *coarse, *where)
@@ -249,18 +252,26 @@ def _largest(grid: Grid) -> float:
     nothing, x, d, _ = grid.vectors
     values, size = np.random.default_rng(0).standard_normal((3, grid.n)), 1.0
     for _ in range(POWERS):
-        _write(grid, 1, values / np.linalg.norm(values))
+        grid.write(x, values / np.linalg.norm(values))
         grid.step(nothing, x, d, 0.0, -1.0)
-        values = np.array(_read(grid, 2), dtype=np.float64)
+        values = np.array(grid.read(d), dtype=np.float64)
         size = float(np.linalg.norm(values))
     return MARGIN * size
 
 
 def _coarsen(grid: Grid, way: Transfer) -> Buffer:
-    coarse = grid.device.put(np.zeros(_stencil_size(way.counts), grid.device.real))
-    where = (*grid.counts, *way.counts, way.centre, way.side, coarse)
-    grid.device.launch("stencil.coarsen", (27, int(np.prod(way.counts))), grid.stencil, *where)
-    return coarse
+    """P^T S P, one direction after another: each makes the next one's work less."""
+    counts, stencil, begin = grid.counts, grid.stencil, 0
+    for axis, count in enumerate(way.counts):
+        if count < counts[axis]:
+            u, v, w = (count if d == axis else counts[d] for d in range(3))
+            after = (u, v, w)
+            coarse = grid.device.put(np.zeros(_stencil_size(after), grid.device.real))
+            where = (*counts, axis, count, begin, way.centre, way.side, coarse)
+            grid.device.launch("stencil.coarsen", (27, int(np.prod(after))), stencil, *where)
+            counts, stencil = after, coarse
+        begin += count
+    return stencil
 
 
 def _inverse(grid: Grid) -> NDArray[Any]:
@@ -279,7 +290,7 @@ def _inverse(grid: Grid) -> NDArray[Any]:
                 matrix[row, inside, column, other] = entries[o, row, column, inside]
     flat = matrix.reshape(3 * n, 3 * n)
     used = np.asarray(grid.device.get(grid.free)).ravel() > 0
-    found = np.zeros_like(flat)
+    found = np.zeros(flat.shape, grid.device.real)
     part = flat[np.ix_(used, used)]
     found[np.ix_(used, used)] = linalg.inv((part + part.T) / 2)
     return found
