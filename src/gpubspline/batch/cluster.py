@@ -35,7 +35,7 @@ def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
         words = reason[0] if reason and not isinstance(error, OSError) else f"no answer within {TIMEOUT_S} s"
         raise InputError(f"expected a dask scheduler at {scheduler}, got {words}") from None
     with client:
-        _check_workers(client, scheduler)
+        _check_package(client, scheduler)
         yield client
 
 
@@ -49,8 +49,9 @@ def _import_distributed() -> Any:
 
 def _be_quiet() -> None:
     """Leave it to the records to say what went wrong: a worker that dies is reported there, with its subject."""
-    for name in ("distributed", "distributed.nanny", "distributed.scheduler", "distributed.core", "distributed.comm"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    for name in ("distributed", *list(logging.root.manager.loggerDict)):
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _local(distributed: Any, workers: int) -> Any:
@@ -74,20 +75,23 @@ def _local(distributed: Any, workers: int) -> Any:
         )
 
 
-def _check_workers(client: Any, scheduler: str) -> None:
+def _check_package(client: Any, scheduler: str) -> None:
+    """Raise InputError where there is no worker, or one without this package; the scheduler reads the work by it."""
+
+    def has_package() -> bool:  # local, so that it is sent whole: the package may not be there
+        from importlib.util import find_spec
+
+        return find_spec("gpubspline") is not None
+
     try:
         client.wait_for_workers(1, timeout=TIMEOUT_S)
     except OSError:
         raise InputError(f"expected workers at {scheduler}, got none within {TIMEOUT_S} s") from None
-    for address, found in client.run(_has_package).items():
-        if not found:
-            raise InputError(f"expected gpubspline to be installed for the worker {address}, got a worker without it")
-
-
-def _has_package() -> bool:
-    from importlib.util import find_spec
-
-    return find_spec("gpubspline") is not None
+    found = {f"the scheduler {scheduler}": client.run_on_scheduler(has_package)}
+    found |= {f"the worker {address}": yes for address, yes in client.run(has_package).items()}
+    for who, yes in found.items():
+        if not yes:
+            raise InputError(f"expected gpubspline to be installed for {who}, got none there")
 
 
 def gpus() -> tuple[str, ...]:
