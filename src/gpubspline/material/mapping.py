@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, open_device
+from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import law as find_law
@@ -71,30 +71,54 @@ def map_material(
     ------
     InputError for an unknown policy, a floor of no solid, or HU outside every range under ``"error"``.
     """
+    device = device or open_device()
+    law_there = law_on_device(law, device, policy, floor_modulus_mpa, floor_poisson)
+    values = device.put(hu)
+    n = int(np.prod(values.shape))
+    results = (device.empty(n), device.empty(n), device.empty(n), device.empty(n, np.int32))
+    law_there.launch(values, n, *results)
+    material = Material(law, policy, *(device.get(buffer) for buffer in results))
+    if policy == "error" and material.out_of_range:
+        _refuse(np.asarray(device.get(values)), material)
+    return material
+
+
+@dataclass(frozen=True, eq=False)
+class LawOnDevice:
+    """A law and what to do outside it, on a device.
+
+    Attributes
+    ----------
+    device: where it lives.
+    arguments: of the kernel, between HU and the number of values.
+    """
+
+    device: Device
+    arguments: tuple[Any, ...]
+
+    def launch(self, hu: Buffer, n: int, density: Buffer, modulus: Buffer, poisson: Buffer, piece: Buffer) -> None:
+        """Write density, modulus, Poisson's ratio and piece of HU (n)."""
+        self.device.launch("material.power_law", n, hu, *self.arguments, n, density, modulus, poisson, piece)
+
+
+def law_on_device(
+    law: Law,
+    device: Device,
+    policy: str = "clamp",
+    floor_modulus_mpa: float = FLOOR_MODULUS_MPA,
+    floor_poisson: float = FLOOR_POISSON,
+) -> LawOnDevice:
+    """Bring a law to a device; arguments and errors as of ``map_material``."""
     if policy not in POLICIES:
         raise InputError(f"expected a policy of {', '.join(POLICIES)} for HU outside the law, got {policy!r}")
     if not (0 < floor_modulus_mpa < np.inf and 0 <= floor_poisson < 0.5):
         floor = f"{floor_modulus_mpa:g} MPa and {floor_poisson:g}"
         raise InputError(f"expected a positive floor modulus and a Poisson's ratio below 0.5, got {floor}")
-    device = device or open_device()
-    material = _launch(device, device.put(hu), law, policy, floor_modulus_mpa, floor_poisson)
-    if policy == "error" and material.out_of_range:
-        _refuse(np.asarray(device.get(device.put(hu))), material)
-    return material
-
-
-def _launch(device: Device, hu: Any, law: Law, policy: str, floor_modulus: float, floor_poisson: float) -> Material:
     names = ("lower_hu", "upper_hu", "factor_mpa", "exponent", "offset_mpa", "poisson")
     columns = [device.put(np.array([getattr(piece, name) for piece in law.pieces])) for name in names]
-    n = int(np.prod(hu.shape))
-    density, modulus, poisson = device.empty(n), device.empty(n), device.empty(n)
-    piece = device.empty(n, np.int32)
     lines = [device.put(np.array(column)) for column in zip(*law.density.lines, strict=True)]
-    floor = (int(policy == "floor"), float(floor_modulus), float(floor_poisson))
-    results = (density, modulus, poisson, piece)
-    given = (hu, *columns, len(law.pieces), *lines, len(law.density.lines), *floor)
-    device.launch("material.power_law", n, *given, n, *results)
-    return Material(law, policy, *(device.get(buffer) for buffer in results))
+    floor_values = (int(policy == "floor"), float(floor_modulus_mpa), float(floor_poisson))
+    return LawOnDevice(device, (*columns, len(law.pieces), *lines, len(law.density.lines), *floor_values))
 
 
 def _refuse(hu: NDArray[Any], material: Material) -> None:

@@ -1,0 +1,198 @@
+"""The material of a mesh, by one of four mappings, and the alarms of it."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.ct.region import Region
+from gpubspline.ct.sampler import hu_sampler
+from gpubspline.ct.volume import Volume
+from gpubspline.device import Device, open_device
+from gpubspline.errors import InputError
+from gpubspline.material.alarms import Alarms, count_alarms, voxel_mass_g
+from gpubspline.material.inset import inset
+from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
+from gpubspline.material.laws import Law
+from gpubspline.material.mapping import LawOnDevice, apply_material, law_on_device
+from gpubspline.material.registry import law as find_law
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.quadrature import integral
+
+MAPPINGS = ("nodal", "gauss", "element-hu", "element-e")
+"""Of a law onto a mesh: at its nodes, as the paper does; at the Gauss points; of the mean HU of each element; the mean
+of the law over each element."""
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """How the material of a mesh is found.
+
+    Attributes
+    ----------
+    how: one of ``MAPPINGS``.
+    surface_depth_mm: HU of what lies nearer than this to the body's surface is read this far inside; None reads it
+        where it lies.
+    points: quadrature points per direction of ``element-hu`` and ``element-e``; chosen by the size of elements and
+        voxels where None.
+    policy: keywords of ``map_material``: ``policy``, ``floor_modulus_mpa``, ``floor_poisson``.
+
+    Raises
+    ------
+    InputError for what is unknown or does not fit together.
+    """
+
+    how: str = "nodal"
+    surface_depth_mm: float | None = None
+    points: int | None = None
+    policy: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check once, at the door."""
+        if self.how not in MAPPINGS:
+            raise InputError(f"expected a mapping of {', '.join(MAPPINGS)}, got {self.how!r}")
+        if self.surface_depth_mm is not None and not 0 < self.surface_depth_mm < np.inf:
+            raise InputError(f"expected a positive depth below the surface in mm, got {self.surface_depth_mm:g}")
+        if self.points is not None and not 1 <= self.points <= 64:
+            raise InputError(f"expected 1 to 64 quadrature points per direction, got {self.points}")
+        if self.points is not None and not self.how.startswith("element"):
+            raise InputError(
+                f"expected quadrature points for element-hu or element-e alone, got the mapping {self.how}"
+            )
+
+
+def assign(
+    mesh: Mesh,
+    law: Law | None = None,
+    mapping: Mapping | None = None,
+    *,
+    volume: Volume | None = None,
+    region: Region | None = None,
+    device: Device | None = None,
+) -> tuple[Mesh, Alarms]:
+    """Give a mesh the material of its HU.
+
+    Arguments
+    ---------
+    mesh: with the nodal field ``"HU"``; hexes or quads.
+    law: the paper's, ``DEFAULT_LAW``, unless told.
+    mapping: the paper's, at nodes, unless told.
+    volume, region: the CT and the body in it, on one grid. ``element-hu``, ``element-e`` and ``gauss`` integrate the
+        CT itself; without it the HU that is interpolated from the nodes.
+    device: where to compute; ``open_device()`` unless told.
+
+    Returns
+    -------
+    The mesh with more fields, and the alarms. ``nodal`` adds the nodal fields ``density_g_cm3``, ``E_MPa`` and ``nu``;
+    the others add element fields of the same names and ``HU``, of means over the elements. ``gauss`` adds element
+    fields at the Gauss points, too: ``E_MPa_1`` to ``E_MPa_8`` (27 of order 2), ``nu_1`` and ``density_g_cm3_1`` and
+    on, numbered as ``Element.gauss`` has the points, w fastest. Each adds the element field ``material``: 1 + the index
+    of the law's piece of the mean HU, the nearest where no piece holds it, or 0 there under the policy ``floor``.
+
+    Raises
+    ------
+    InputError where the mesh has no HU, a depth is asked for without CT and region, and as ``map_material``.
+    """
+    law, mapping, device = law or find_law(), mapping or Mapping(), device or open_device()
+    if mapping.surface_depth_mm is not None and (volume is None or region is None):
+        raise InputError("expected the CT to read the surface's HU at a depth from, got a mesh or a model alone")
+    there = law_on_device(law, device, **mapping.policy)
+    mapped, alarms = (_nodal if mapping.how == "nodal" else _elements)(
+        mesh, law, there, mapping, volume, region, device
+    )
+    mass = None
+    if volume is not None and region is not None and mesh.element.dimension == 3:
+        mass = voxel_mass_g(volume, region, there, device, mapping.surface_depth_mm)
+    return mapped, replace(alarms, mass_voxels_g=mass, surface_depth_mm=mapping.surface_depth_mm)
+
+
+def _nodal(
+    mesh: Mesh,
+    law: Law,
+    there: LawOnDevice,
+    mapping: Mapping,
+    volume: Volume | None,
+    region: Region | None,
+    device: Device,
+) -> tuple[Mesh, Alarms]:
+    if mapping.surface_depth_mm is not None and volume is not None and region is not None:
+        mesh = mesh.with_fields({"HU": _hu_from_inside(mesh, volume, region, mapping.surface_depth_mm, device)})
+    mapped, nodal = apply_material(mesh, law, device=device, **mapping.policy)
+    mass = None
+    if mesh.element.dimension == 3:
+        mass = integral(mapped, "density_g_cm3", device) / 1000
+    values = (nodal.density_g_cm3, nodal.modulus_mpa, nodal.piece)
+    return mapped, count_alarms("nodal", "nodes", law, *values, mass_mesh_g=mass)
+
+
+def _hu_from_inside(mesh: Mesh, volume: Volume, region: Region, depth_mm: float, device: Device) -> NDArray[Any]:
+    """Nodal HU, that of nodes near the surface read from the CT at the depth."""
+    points = mesh.points.astype(np.float64)
+    moved = inset(region, depth_mm, points, device).move(points)
+    near = np.flatnonzero(np.any(moved != points, axis=1))
+    hu = np.array(mesh.fields["HU"])
+    if near.size:
+        hu[near] = hu_sampler(volume, moved[near], device).at(moved[near])
+    return hu
+
+
+def _elements(
+    mesh: Mesh,
+    law: Law,
+    there: LawOnDevice,
+    mapping: Mapping,
+    volume: Volume | None,
+    region: Region | None,
+    device: Device,
+) -> tuple[Mesh, Alarms]:
+    if "HU" not in mesh.fields and volume is None:
+        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    deep = None
+    if mapping.surface_depth_mm is not None and region is not None:
+        deep = inset(region, mapping.surface_depth_mm, mesh.points, device)
+    spacing = None if volume is None else volume.spacing_mm
+    gauss = mapping.how == "gauss"
+    made = integrate(
+        mesh,
+        there,
+        order="element-hu" if mapping.how == "element-hu" else "element-e",
+        sampler=None if volume is None else hu_sampler(volume, mesh.points, device),
+        inset=deep,
+        points=mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
+        keep_gauss=gauss,
+        device=device,
+    )
+    policy = mapping.policy.get("policy", "clamp")
+    if policy == "error":
+        _refuse_outside(made, law, mapping.how)
+    outside = np.zeros_like(made.piece) if policy == "floor" else -made.piece
+    fields = {"HU": made.hu, "density_g_cm3": made.density_g_cm3, "E_MPa": made.modulus_mpa, "nu": made.poisson}
+    fields |= gauss_fields(made) if gauss else {}
+    fields["material"] = np.where(made.piece < 0, outside, made.piece + 1)
+    alarms = count_alarms(
+        mapping.how,
+        "elements",
+        law,
+        made.density_g_cm3,
+        made.modulus_mpa,
+        made.piece,
+        mass_mesh_g=made.mass_g if mesh.element.dimension == 3 else None,
+        order_difference=made.order_difference,
+    )
+    return mesh.with_cell_fields(fields), alarms
+
+
+def _refuse_outside(made: ElementMaterial, law: Law, how: str) -> None:
+    """Raise InputError where HU is outside the law: the elements' means, or at any of the points."""
+    means = how == "element-hu"
+    count, of = (
+        (int(np.count_nonzero(made.piece < 0)), made.piece.size) if means else (made.points_outside, made.points)
+    )
+    if count:
+        what = "elements' means" if means else "quadrature points"
+        low, high = law.range_hu
+        raise InputError(
+            f"expected HU of {low:g} to {high:g}, which the law {law.name!r} covers, got others in {count} of {of} "
+            f"{what}: choose the policy clamp or floor, or another law"
+        )

@@ -1,0 +1,198 @@
+"""Mapping a material law onto elements, by integration over their volumes, and onto Gauss points.
+
+At quadrature points of each element HU is read from the CT, trilinearly, or interpolated from the mesh's nodes. Then
+two orders are possible, which differ because laws are no straight lines: the law of the element's mean HU
+(``element-hu``), or the element's mean of the law at every point (``element-e``, the way of Taddei et al., Med Eng Phys
+29 (2007) 973-979). For a convex law the second is the stiffer.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.ct.sampler import Sampler
+from gpubspline.device import Buffer, Device
+from gpubspline.material.inset import Inset
+from gpubspline.material.mapping import LawOnDevice
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.quadrature import Quadrature, nodes_of, quadrature
+
+MOST_POINTS = 8
+"""Points per direction that are chosen at the most where none are asked for."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementMaterial:
+    """What a law makes of elements.
+
+    Attributes
+    ----------
+    hu: (m,) mean HU.
+    density_g_cm3, modulus_mpa, poisson: (m,) of the order asked for.
+    other_modulus_mpa: (m,) modulus of the other order.
+    piece: (m,) int32, of the mean HU: index of the law's piece, or -1 - index of the nearest.
+    mm3: (m,) float64 volume; of quads the area, mm2.
+    points, points_outside: quadrature points, and how many of them had HU that no range of the law covers.
+    mass_g: sum of density times volume over the quadrature points.
+    gauss: (points, m) fields ``density_g_cm3``, ``E_MPa`` and ``nu``, where they were asked for.
+    """
+
+    hu: NDArray[Any]
+    density_g_cm3: NDArray[Any]
+    modulus_mpa: NDArray[Any]
+    poisson: NDArray[Any]
+    other_modulus_mpa: NDArray[Any]
+    piece: NDArray[np.int32]
+    mm3: Floats
+    points: int
+    points_outside: int
+    mass_g: float
+    gauss: dict[str, NDArray[Any]]
+
+    @property
+    def order_difference(self) -> tuple[float, float]:
+        """Difference of the two orders' moduli, over the greater of them: mean by volume, and greatest."""
+        ours, other = self.modulus_mpa.astype(np.float64), self.other_modulus_mpa.astype(np.float64)
+        relative = np.abs(ours - other) / np.maximum(ours, other)
+        return float(np.average(relative, weights=np.abs(self.mm3))), float(relative.max())
+
+
+def points_for(mesh: Mesh, spacing_mm: Floats | None) -> int:
+    """Quadrature points per direction: one a voxel and one more, between what the element needs and ``MOST_POINTS``.
+
+    ``spacing_mm``: of the voxels; None where HU is interpolated from the nodes.
+    """
+    least = mesh.element.order + 1
+    if spacing_mm is None:
+        return least
+    corners = mesh.cells_of(np.linspace(0, mesh.n_elements - 1, min(mesh.n_elements, 4096)).astype(int))
+    ends = mesh.points[corners[:, : mesh.element.n_corners]].astype(np.float64)
+    edge = np.median(np.linalg.norm(np.ptp(ends, axis=1), axis=1)) / np.sqrt(mesh.element.dimension)
+    return int(np.clip(np.ceil(edge / float(np.min(spacing_mm))) + 1, least, max(MOST_POINTS, least)))
+
+
+def integrate(
+    mesh: Mesh,
+    law: LawOnDevice,
+    *,
+    order: str,
+    sampler: Sampler | None = None,
+    inset: Inset | None = None,
+    points: int = 2,
+    keep_gauss: bool = False,
+    device: Device,
+) -> ElementMaterial:
+    """Integrate a law over the elements of a mesh.
+
+    Arguments
+    ---------
+    mesh: with the nodal field ``"HU"`` where there is no sampler.
+    law: on the device.
+    order: ``"element-hu"``, the law of the mean HU, or ``"element-e"``, the mean of the law.
+    sampler: HU of the CT; the nodal field is interpolated where None.
+    inset: moves the places where the CT is read away from the surface.
+    points: per direction.
+    keep_gauss: keep the fields at the quadrature points, too.
+    """
+    rule = quadrature(mesh.element, points, device)
+    work = _Work(mesh, law, rule, sampler, inset, keep_gauss)
+    parts = [work.chunk(elements) for elements in rule.chunks(mesh.n_elements)]
+    joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0] if "mass" not in name}
+    first, other = ("mean", "of_mean") if order == "element-e" else ("of_mean", "mean")
+    return ElementMaterial(
+        hu=joined["hu"],
+        density_g_cm3=joined[f"density_{first}"],
+        modulus_mpa=joined[f"modulus_{first}"],
+        poisson=joined[f"poisson_{first}"],
+        other_modulus_mpa=joined[f"modulus_{other}"],
+        piece=joined["piece"],
+        mm3=joined["mm3"],
+        points=rule.n_points * mesh.n_elements,
+        points_outside=int(joined["outside"].sum()),
+        mass_g=float(sum(part["mass"] for part in parts)) / 1000,
+        gauss={name: joined[name] for name in ("density_g_cm3", "E_MPa", "nu") if keep_gauss},
+    )
+
+
+class _Work:
+    """The buffers of one integration, used again for every chunk of elements."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        law: LawOnDevice,
+        rule: Quadrature,
+        sampler: Sampler | None,
+        inset: Inset | None,
+        keep_gauss: bool,
+    ) -> None:
+        self.mesh, self.law, self.rule, self.device, self.keep_gauss = mesh, law, rule, rule.device, keep_gauss
+        self.sampler, self.inset, device = sampler, inset, rule.device
+        middle = mesh.planes.mean(axis=1, dtype=np.float64) if sampler is None else sampler.middle
+        self.nodal = device.put((mesh.planes - middle[:, None]).astype(device.real))
+        self.nodal_hu = None if sampler else device.put(mesh.fields["HU"].astype(device.real))
+        size = next(rule.chunks(mesh.n_elements)).stop
+        self.at_points = [device.empty(size * rule.n_points) for _ in range(8)]
+        self.of_elements = [device.empty(size) for _ in range(7)]
+        self.pieces = device.empty(size * rule.n_points, np.int32), device.empty(size, np.int32)
+
+    def chunk(self, elements: slice) -> dict[str, Any]:
+        """Means of some elements, and the law of their mean HU."""
+        m, g, nodes = elements.stop - elements.start, self.rule.n_points, nodes_of(self.mesh, elements, self.device)
+        *places, volume, hu, density, modulus, poisson = self.at_points
+        self.rule.places(self.nodal, self.mesh.n_nodes, nodes, m, places, volume)
+        self._read_hu(nodes, m, places, hu)
+        mean_hu, mean_density, mean_modulus, mean_poisson, *of_mean = self.of_elements
+        self.law.launch(hu, g * m, density, modulus, poisson, self.pieces[0])
+        pairs = ((hu, mean_hu), (density, mean_density), (modulus, mean_modulus), (poisson, mean_poisson))
+        for values, mean in pairs:
+            self.rule.means(values, volume, m, mean)
+        self.law.launch(mean_hu, m, *of_mean, self.pieces[1])
+        names = ("hu", "density_mean", "modulus_mean", "poisson_mean")
+        names += ("density_of_mean", "modulus_of_mean", "poisson_of_mean")
+        result = {name: self._get(buffer, m) for name, buffer in zip(names, self.of_elements, strict=True)}
+        result["piece"] = self._get(self.pieces[1], m)
+        result["outside"] = np.array([np.count_nonzero(self._see(self.pieces[0], g * m) < 0)])
+        return result | self._sums(m, volume, density, modulus, poisson)
+
+    def _sums(self, m: int, volume: Buffer, density: Buffer, modulus: Buffer, poisson: Buffer) -> dict[str, Any]:
+        shape = (self.rule.n_points, m)
+        parts, rho = (self._see(buffer, shape[0] * m).reshape(shape) for buffer in (volume, density))
+        found: dict[str, Any] = {"mm3": parts.sum(axis=0, dtype=np.float64)}
+        found["mass"] = np.einsum("gm,gm->g", parts, rho, dtype=np.float64).sum()
+        if self.keep_gauss:
+            for name, buffer in (("density_g_cm3", density), ("E_MPa", modulus), ("nu", poisson)):
+                found[name] = self._get(buffer, shape[0] * m).reshape(shape)
+        return found
+
+    def _read_hu(self, nodes: Buffer, m: int, places: list[Buffer], hu: Buffer) -> None:
+        count = self.rule.n_points * m
+        if self.sampler is None:
+            return self.rule.interpolate(self.nodal_hu, nodes, m, hu)
+        if self.inset is not None:
+            points = np.stack([self._see(place, count) for place in places], axis=1) + self.sampler.middle
+            moved = self.inset.move(points) - self.sampler.middle
+            places = [self.device.put(plane) for plane in np.ascontiguousarray(moved.T)]
+        return self.sampler.launch(places[0], places[1], places[2], count, hu)
+
+    def _see(self, buffer: Buffer, count: int) -> NDArray[Any]:
+        """The first values of a buffer, until it is written again."""
+        return np.asarray(self.device.get(buffer)[:count])
+
+    def _get(self, buffer: Buffer, count: int) -> NDArray[Any]:
+        return np.array(self._see(buffer, count))
+
+
+def gauss_fields(material: ElementMaterial) -> dict[str, NDArray[Any]]:
+    """Element fields of the material at Gauss points: ``E_MPa_1`` to ``E_MPa_8`` (27 of order 2), and so on.
+
+    The points are numbered as ``Element.gauss`` has them, w fastest.
+    """
+    fields = {}
+    for name, values in material.gauss.items():
+        fields |= {f"{name}_{number}": plane for number, plane in enumerate(values, start=1)}
+    return fields
