@@ -17,7 +17,7 @@ from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
 
 def model(source: Source, control: Any, nodes: Any, device: Device) -> tuple[Fitted, Model]:
     fitted = fit_patch(source, Shaping(control=control), device, Clock())
-    return fitted, sample_patch(fitted.fit.patch, Sampling(law(), nodes), device, Clock(), fitted.region)
+    return fitted, sample_patch(fitted.fit.patch, Sampling(law(), nodes), device, Clock(), fitted.body)
 
 
 def test_head(data: Path, device: Device) -> None:

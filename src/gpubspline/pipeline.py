@@ -3,17 +3,18 @@
 from typing import Any
 
 from gpubspline.clock import Clock
-from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.material.mapping import apply_material
+from gpubspline.material.assign import assign
+from gpubspline.material.calibration import Calibrated
+from gpubspline.material.laws import Law
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.tally import tally
 from gpubspline.mesh.validity import certify
-from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
+from gpubspline.recipe import Body, Fitted, Model, Sampling, Shaping, Source
 from gpubspline.report.summary import summary
-from gpubspline.segment import find_region
+from gpubspline.segment import find_body
 from gpubspline.spline.fit import fit
 from gpubspline.spline.hyperpatch import Hyperpatch
 from gpubspline.spline.lattice import control_lattice, data_shape, default_shape
@@ -21,7 +22,8 @@ from gpubspline.spline.lattice import control_lattice, data_shape, default_shape
 
 def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) -> Fitted:
     """Read the CT, find the body, lay the control lattice through it and make the hyperpatch."""
-    volume, region, threshold = find_region(source, clock)
+    body = find_body(source, clock)
+    volume, region = body.volume, body.region
     only = None if source.slice_index is None else 0  # the volume is cropped to the slice
     with clock.stage("lattice"):
         shape = shaping.control or default_shape(region, source.axis, only)
@@ -31,31 +33,43 @@ def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) ->
     with clock.stage("fit"):
         degree = shaping.degree * len(shape) if len(shaping.degree) == 1 else shaping.degree
         made = fit(lattice, shaping.fit, degree=degree, control=shape, device=device)
-    return Fitted(region, threshold, made, shaping.fit, volume)
+    return Fitted(body, made, shaping.fit)
 
 
 def sample_patch(
-    patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock, region: Region | None = None
+    patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock, body: Body | None = None
 ) -> Model:
-    """Sample a hyperpatch, map the material onto its nodes, judge its elements and its distance from the region."""
+    """Sample a hyperpatch, map the material onto it, judge its elements and its distance from the body."""
     nodes = sampling.nodes or patch.shape
     with clock.stage("sample"):
         mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
     with clock.stage("material"):
-        mesh, material = apply_material(mesh, sampling.law, device=device, **sampling.policy)
+        law, calibrated = calibrated_law(sampling, body)
+        volume, region = (None, None) if body is None else (body.volume, body.region)
+        mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
         certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None
     with clock.stage("distance"):
-        off = None if region is None else distances(mesh, region, device)
-        known: dict[str, Any] = {"out_of_range": material.out_of_range, "distances": off, "certificate": certificate}
-        counted = tally(mesh, quality, **known)
-    return Model(mesh, counted, sampling)
+        off = None if body is None else distances(mesh, body.region, device)
+        outside = alarms.outside if alarms.of == "nodes" else None
+        known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
+        counted = tally(mesh, quality, **known, weigh=False)  # the alarms do
+    return Model(mesh, counted, sampling, law, alarms, calibrated)
+
+
+def calibrated_law(sampling: Sampling, body: Body | None) -> tuple[Law, Calibrated | None]:
+    """Carry out the calibration, where one is asked for, and give the law that takes its density."""
+    if sampling.calibration is None:
+        return sampling.law, None
+    calibrated = sampling.calibration.carry_out(None if body is None else body.whole)
+    return sampling.law.calibrated(calibrated.relation), calibrated
 
 
 def summarise(model: Model, device: Device, clock: Clock, fitted: Fitted | None = None) -> dict[str, Any]:
     """Collect the figures of a run; those that need the CT are None where the model came from a file."""
-    known: dict[str, Any] = {"law": model.sampling.law, "policy": model.sampling.policy.get("policy")}
+    known: dict[str, Any] = {"law": model.law, "policy": model.sampling.mapping.policy.get("policy", "clamp")}
+    known |= {"alarms": model.alarms, "calibrated": model.calibrated}
     if fitted is not None:
         error, region = fitted.fit.error, fitted.region
         flat = model.mesh.element.dimension == 2

@@ -7,6 +7,9 @@ from typing import Any
 
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
+from gpubspline.material.alarms import Alarms
+from gpubspline.material.assign import Mapping
+from gpubspline.material.calibration import Calibrated, Calibration
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.tally import Tally
@@ -50,27 +53,63 @@ class Sampling:
     nodes: tuple[int, ...] | None = None
     order: int = 1
     element_type: str | None = None
-    policy: dict[str, Any] = field(default_factory=dict)
+    mapping: Mapping = field(default_factory=Mapping)
+    calibration: Calibration | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What was found in the CT.
+
+    Attributes
+    ----------
+    whole: the scan as it was read, in which a calibration looks for its rods or tissues.
+    volume: the scan, cropped as it was asked for, on the region's grid.
+    region: the body.
+    threshold_hu: what separated it; None where a mask did.
+    """
+
+    whole: Volume
+    volume: Volume
+    region: Region
+    threshold_hu: float | None
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The body found in the CT and the hyperpatch through it; the CT is cropped as it was asked for."""
+    """The body found in the CT and the hyperpatch through it."""
 
-    region: Region
-    threshold_hu: float | None
+    body: Body
     fit: Fit
     method: str
-    volume: Volume | None = None
+
+    @property
+    def region(self) -> Region:
+        """The body's region."""
+        return self.body.region
+
+    @property
+    def threshold_hu(self) -> float | None:
+        """What separated the body."""
+        return self.body.threshold_hu
+
+    @property
+    def volume(self) -> Volume:
+        """The CT, cropped as it was asked for."""
+        return self.body.volume
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
     """A mesh whose every node has place, HU, density and stiffness, and what was counted of it.
 
-    Where the mesh was written in slabs, ``mesh`` is a coarser one of the same patch, to look at.
+    Where the mesh was written in slabs, ``mesh`` is a coarser one of the same patch, to look at. ``law`` is that of the
+    sampling, calibrated where a calibration was asked for.
     """
 
     mesh: Mesh
     counted: Tally
     sampling: Sampling
+    law: Law
+    alarms: Alarms
+    calibrated: Calibrated | None = None

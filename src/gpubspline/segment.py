@@ -6,16 +6,16 @@ from typing import Any
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.masks import read_mask
-from gpubspline.ct.region import Region, otsu_threshold, region_from_mask, region_from_threshold
+from gpubspline.ct.region import otsu_threshold, region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
 from gpubspline.errors import InputError
-from gpubspline.recipe import Source
+from gpubspline.recipe import Body, Source
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | None]:
+def find_body(source: Source, clock: Clock) -> Body:
     """Read the CT and find the body: by mask, by threshold, or by Otsu's threshold where neither is given."""
     if source.mask is not None and source.threshold_hu is not None:
         raise InputError("expected a threshold or a mask, got both")
@@ -31,12 +31,12 @@ def find_region(source: Source, clock: Clock) -> tuple[Volume, Region, float | N
         options: dict[str, Any] = {"fill": fill, "fill_axis": AXES.get(source.axis, 2)}
         if mask is not None:
             options["smoothing_mm"] = source.smoothing_mm
-            return volume, region_from_mask(volume, mask[window.slices], **options), None
+            return Body(whole, volume, region_from_mask(volume, mask[window.slices], **options), None)
         threshold = source.threshold_hu
         if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
-        return volume, region_from_threshold(volume, threshold, **options), threshold
+        return Body(whole, volume, region_from_threshold(volume, threshold, **options), threshold)
 
 
 def _window(source: Source, volume: Volume) -> Window:

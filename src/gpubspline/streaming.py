@@ -11,13 +11,15 @@ from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.export.vts import VtsWriter, write_slab
-from gpubspline.material.mapping import apply_material
+from gpubspline.material.alarms import add_alarms, voxel_mass_g
+from gpubspline.material.assign import nodal_alarms
+from gpubspline.material.mapping import apply_material, law_on_device
 from gpubspline.mesh.distance import distances, flat_axes
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.slabs import SLAB_NODES, Slab, sample_slabs
 from gpubspline.mesh.tally import add, tally
-from gpubspline.pipeline import sample_patch
-from gpubspline.recipe import Model, Sampling
+from gpubspline.pipeline import calibrated_law, sample_patch
+from gpubspline.recipe import Body, Model, Sampling
 from gpubspline.spline.hyperpatch import Hyperpatch
 
 LOOKED_AT = 96
@@ -30,7 +32,7 @@ def stream_patch(
     path: Path,
     device: Device,
     clock: Clock,
-    region: Region | None = None,
+    body: Body | None = None,
     slab_nodes: int = SLAB_NODES,
 ) -> Model:
     """Do what ``pipeline.sample_patch`` does slab by slab, and write each slab to a ``.vts`` as it comes.
@@ -39,27 +41,32 @@ def stream_patch(
     """
     nodes = sampling.nodes or patch.shape
     seen = tuple(min(n, LOOKED_AT) for n in nodes)
-    coarse = sample_patch(patch, replace(sampling, nodes=seen), device, Clock())
-    flat = None if region is None else flat_axes(coarse.mesh, region)
-    parts = []
+    law, calibrated = calibrated_law(sampling, body)
+    coarse = sample_patch(patch, replace(sampling, nodes=seen, law=law, calibration=None), device, Clock())
+    flat = None if body is None else flat_axes(coarse.mesh, body.region)
+    parts, alarms, policy = [], [], sampling.mapping.policy
     types = {name: values.dtype for name, values in coarse.mesh.fields.items()}
     cell_types = {name: values.dtype for name, values in coarse.mesh.cell_fields.items()}
     with VtsWriter(path, nodes, types, cell_types, coarse.mesh.points.dtype) as writer:
         slabs = sample_slabs(patch, nodes, device=device, slab_nodes=slab_nodes)
         while slab := _next(slabs, clock):
             with clock.stage("material"):
-                mesh, material = apply_material(slab.mesh, sampling.law, device=device, **sampling.policy)
+                mesh, material = apply_material(slab.mesh, law, device=device, **policy)
+                alarms.append(nodal_alarms(mesh, material, device, slab.own_nodes, points=1))
             with clock.stage("quality"):
                 mesh, quality = assess(mesh, device)
             with clock.stage("distance"):
-                off = None if region is None else _side_distances(slab, region, device, flat)
-                outside = int(np.count_nonzero(material.piece[slab.own_nodes] < 0))
-                own: dict[str, Any] = {"own_nodes": slab.own_nodes, "out_of_range": outside, "distances": off}
-                parts.append(tally(mesh, quality, **own, weigh=False))  # it would take as long as all else
+                off = None if body is None else _side_distances(slab, body.region, device, flat)
+                own: dict[str, Any] = {"own_nodes": slab.own_nodes, "out_of_range": alarms[-1].outside}
+                parts.append(tally(mesh, quality, **own, distances=off, weigh=False))
             with clock.stage("write"):
                 write_slab(writer, replace(slab, mesh=mesh))
                 clock.advance(slab.last, nodes[2] - 1)
-    return Model(coarse.mesh, add(parts), sampling)
+    mass = None
+    if body is not None:
+        with clock.stage("material"):
+            mass = voxel_mass_g(body.volume, body.region, law_on_device(law, device, **policy), device)
+    return Model(coarse.mesh, add(parts), sampling, law, add_alarms(alarms, mass), calibrated)
 
 
 def _next(slabs: Iterator[Slab], clock: Clock) -> Slab | None:

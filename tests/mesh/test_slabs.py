@@ -15,7 +15,7 @@ from gpubspline.material.registry import law
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.slabs import sample_slabs
 from gpubspline.pipeline import sample_patch, summarise
-from gpubspline.recipe import Sampling
+from gpubspline.recipe import Body, Sampling
 from gpubspline.spline.fit import fit
 from gpubspline.spline.hyperpatch import Hyperpatch, hyperpatch
 from gpubspline.spline.lattice import control_lattice
@@ -46,10 +46,11 @@ def test_slabs_are_the_layers_of_the_whole(device: Device, mirrored: bool, slab_
 def test_streamed_file_and_figures_are_those_of_the_whole(device: Device, tmp_path: Path) -> None:
     volume = phantom("child-femur").scan()
     region = region_from_threshold(volume, 300)
+    body = Body(volume, volume, region, 300)
     patch = fit(control_lattice(volume, region, (9, 11, 20)), device=device).patch
     sampling = Sampling(law(), (12, 14, 23))
-    whole = sample_patch(patch, sampling, device, Clock(), region)
-    parts = stream_patch(patch, sampling, tmp_path / "m.vts", device, Clock(), region, slab_nodes=12 * 14 * 4)
+    whole = sample_patch(patch, sampling, device, Clock(), body)
+    parts = stream_patch(patch, sampling, tmp_path / "m.vts", device, Clock(), body, slab_nodes=12 * 14 * 4)
     one, other = (summarise(model, device, Clock()) for model in (whole, parts))
     for key in ("nodes", "elements", "element_type", "out_of_range_nodes"):
         assert one[key] == other[key]

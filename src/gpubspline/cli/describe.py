@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from gpubspline.cli.describe_material import material_lines
 from gpubspline.ct.region import otsu_threshold
 from gpubspline.ct.volume import Volume
-from gpubspline.material.density import conversions
-from gpubspline.material.laws import Law
-from gpubspline.material.registry import DEFAULT_LAW
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality
 from gpubspline.mesh.validity import Certificate
@@ -107,53 +105,6 @@ def wrote(paths: list[Path]) -> list[str]:
     return ["wrote      " + ", ".join(str(path) for path in paths)] if paths else []
 
 
-def law_lines(law: Law) -> list[str]:
-    """Name, densities, formulas, ranges, jumps, source and what is unconfirmed of a material law."""
-    lines = [f"{law.name}{' (default)' if law.name == DEFAULT_LAW else ''}: {law.title}"]
-    about = [law.site, law.direction]
-    if law.strain_rate_per_s is not None:
-        about.append(f"at {law.strain_rate_per_s:g} per second")
-    if law.specimens_g_cm3 is not None:
-        about.append(f"specimens of {law.specimens_g_cm3[0]:g} to {law.specimens_g_cm3[1]:g} g/cm3")
-    lines += [f"    {', '.join(filter(None, about))}"] if any(about) else []
-    lines += density_lines(law)
-    for piece in law.pieces:
-        shift = f" {piece.offset_mpa:+g}" if piece.offset_mpa else ""
-        power = f"{piece.factor_mpa:.6g} rho^{piece.exponent:g}{shift}"
-        lines.append(f"    {piece.lower_hu:.0f} to {piece.upper_hu:.0f} HU: E = {power} MPa, nu = {piece.poisson:g}")
-    for hu, below, above in law.jumps():
-        lines.append(f"    jump: at {hu:g} HU the modulus {_verb(below, above)} from {below:.0f} to {above:.0f} MPa")
-    lines.append(f"    {law.citation}")
-    return [*lines, *(["    unconfirmed: " + "; ".join(law.all_unconfirmed)] if law.all_unconfirmed else [])]
-
-
-def _verb(below: float, above: float) -> str:
-    return "falls" if above < below else "rises"
-
-
-def density_lines(law: Law) -> list[str]:
-    """What the density of a law comes to, and the names of its steps."""
-    relation = law.density
-    by = " by " + ", then ".join(step.name for step in relation.steps) if relation.steps else ""
-    if relation.table:
-        points = ", ".join(f"{density:.4g} at {hu:g} HU" for hu, density in relation.table)
-        return [f"    rho {relation.kind}{by}, by a table: {points} g/cm3"]
-    return [f"    rho {relation.kind} = {_line(relation.slope_g_cm3_per_hu, 'HU', relation.intercept_g_cm3)}{by}"]
-
-
-def step_lines() -> list[str]:
-    """The steps that densities are made of, with their sources."""
-    lines = ["density steps"]
-    for step in conversions().values():
-        lines.append(f"    {step.name}: {step.gives} = {_line(step.slope, step.takes, step.intercept)}; {step.source}")
-        lines += [f"        unconfirmed: {what}" for what in step.unconfirmed]
-    return lines
-
-
-def _line(slope: float, takes: str, intercept: float) -> str:
-    return f"{slope:.6g} {takes}" + (f" {intercept:+.6g}" if intercept else "") + " g/cm3"
-
-
 def summary_lines(figures: dict[str, Any]) -> list[str]:
     """The figures of a run that a person wants first."""
     quality = figures["scaled_jacobian"]
@@ -175,18 +126,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
         )
     if figures["threshold_hu"] is not None:
         lines.append(f"threshold  {figures['threshold_hu']:.0f} HU")
-    hu, modulus, law = figures["hu"], figures["modulus_mpa"], figures["law"]
-    lines.append(
-        f"material   HU {hu['min']:.0f} to {hu['max']:.0f}, E {modulus['min']:.0f} to {modulus['max']:.0f} MPa"
-    )
-    if figures["out_of_range_nodes"]:
-        lines.append(
-            f"{_UNDER}{figures['out_of_range_nodes']:,} of {figures['nodes']:,} nodes outside the law {law['name']} "
-            f"({law['range_hu'][0]:.0f} to {law['range_hu'][1]:.0f} HU): {law['out_of_range_policy']}"
-        )
-    if law["unconfirmed"]:
-        text = f"unconfirmed of the law {law['name']}: " + "; ".join(law["unconfirmed"])
-        lines += textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
+    lines += material_lines(figures)
     return [*lines, f"ran on     {figures['backend']}, {figures['device']}, {figures['seconds']['total']:.1f} s"]
 
 

@@ -29,8 +29,9 @@ def find_solid(
             return read_mesh(source[0])
     if source[0].suffix == ".npz":
         with clock.stage("read"):
-            patch = load_model(source[0])
+            patch, body = load_model(source[0]), None
     else:
         shaping = spline.shaping(3 if region.slice_index is None else 2)
-        patch = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock).fit.patch
-    return pipeline.sample_patch(patch, sampled.sampling(), device, clock).mesh
+        fitted = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock)
+        patch, body = fitted.fit.patch, fitted.body
+    return pipeline.sample_patch(patch, sampled.sampling(), device, clock, body).mesh

@@ -39,7 +39,8 @@ class Sampler:
         """Values (s,) at points (s, 3), LPS mm."""
         planes = np.ascontiguousarray((np.asarray(points, dtype=np.float64) - self.middle).T)
         out = self.device.empty(planes.shape[1])
-        self.launch(*(self.device.put(plane) for plane in planes), planes.shape[1], out)
+        x, y, z = (self.device.put(plane) for plane in planes)
+        self.launch(x, y, z, planes.shape[1], out)
         return np.array(self.device.get(out), dtype=np.float64)
 
 

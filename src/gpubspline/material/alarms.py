@@ -123,12 +123,13 @@ def voxel_mass_g(
     hu, total = volume.hu.reshape(-1), 0.0
     if surface_depth_mm is not None:
         hu = _read_from_inside(volume, region, inside, surface_depth_mm, device)
-    buffers = [device.empty(min(_CHUNK, inside.size)) for _ in range(3)]
-    piece = device.empty(min(_CHUNK, inside.size), np.int32)
+    size = min(_CHUNK, inside.size)
+    rho, modulus, poisson = device.empty(size), device.empty(size), device.empty(size)
+    piece = device.empty(size, np.int32)
     for first in range(0, inside.size, _CHUNK):
         voxels = inside[first : first + _CHUNK]
-        law.launch(device.put(hu[voxels].astype(device.real)), voxels.size, *buffers, piece)
-        density = device.get(buffers[0])[: voxels.size]
+        law.launch(device.put(hu[voxels].astype(device.real)), voxels.size, rho, modulus, poisson, piece)
+        density = device.get(rho)[: voxels.size]
         total += float(np.dot(part.reshape(-1)[voxels], density.astype(np.float64)))
     return total * volume.voxel_mm3 / 1000
 

@@ -15,7 +15,7 @@ from gpubspline.material.alarms import Alarms, count_alarms, voxel_mass_g
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import LawOnDevice, apply_material, law_on_device
+from gpubspline.material.mapping import LawOnDevice, Material, apply_material, law_on_device
 from gpubspline.material.registry import law as find_law
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quadrature import integral
@@ -119,11 +119,19 @@ def _nodal(
     if mapping.surface_depth_mm is not None and volume is not None and region is not None:
         mesh = mesh.with_fields({"HU": _hu_from_inside(mesh, volume, region, mapping.surface_depth_mm, device)})
     mapped, nodal = apply_material(mesh, law, device=device, **mapping.policy)
-    mass = None
-    if mesh.element.dimension == 3:
-        mass = integral(mapped, "density_g_cm3", device) / 1000
-    values = (nodal.density_g_cm3, nodal.modulus_mpa, nodal.piece)
-    return mapped, count_alarms("nodal", "nodes", law, *values, mass_mesh_g=mass)
+    return mapped, nodal_alarms(mapped, nodal, device)
+
+
+def nodal_alarms(
+    mesh: Mesh, nodal: Material, device: Device, own_nodes: slice = slice(None), points: int | None = None
+) -> Alarms:
+    """Alarms of a mesh with the material of its nodes, or of a part of one whose ``own_nodes`` are counted with it.
+
+    ``points`` per direction integrate the density; as many as make it exact where None.
+    """
+    mass = integral(mesh, "density_g_cm3", device, points) / 1000 if mesh.element.dimension == 3 else None
+    values = (nodal.density_g_cm3[own_nodes], nodal.modulus_mpa[own_nodes], nodal.piece[own_nodes])
+    return count_alarms("nodal", "nodes", nodal.law, *values, mass_mesh_g=mass)
 
 
 def _hu_from_inside(mesh: Mesh, volume: Volume, region: Region, depth_mm: float, device: Device) -> NDArray[Any]:

@@ -24,6 +24,12 @@ MOST_POINTS = 8
 
 Floats = NDArray[np.float64]
 
+_OF_ELEMENTS = (
+    *("hu", "density_mean", "modulus_mean", "poisson_mean"),
+    *("density_of_mean", "modulus_of_mean", "poisson_of_mean"),
+)
+"""What is kept of each element, in the order of its buffers."""
+
 
 @dataclass(frozen=True, eq=False)
 class ElementMaterial:
@@ -151,10 +157,8 @@ class _Work:
         pairs = ((hu, mean_hu), (density, mean_density), (modulus, mean_modulus), (poisson, mean_poisson))
         for values, mean in pairs:
             self.rule.means(values, volume, m, mean)
-        self.law.launch(mean_hu, m, *of_mean, self.pieces[1])
-        names = ("hu", "density_mean", "modulus_mean", "poisson_mean")
-        names += ("density_of_mean", "modulus_of_mean", "poisson_of_mean")
-        result = {name: self._get(buffer, m) for name, buffer in zip(names, self.of_elements, strict=True)}
+        self.law.launch(mean_hu, m, of_mean[0], of_mean[1], of_mean[2], self.pieces[1])
+        result = {name: self._get(buffer, m) for name, buffer in zip(_OF_ELEMENTS, self.of_elements, strict=True)}
         result["piece"] = self._get(self.pieces[1], m)
         result["outside"] = np.array([np.count_nonzero(self._see(self.pieces[0], g * m) < 0)])
         return result | self._sums(m, volume, density, modulus, poisson)
@@ -192,7 +196,7 @@ def gauss_fields(material: ElementMaterial) -> dict[str, NDArray[Any]]:
 
     The points are numbered as ``Element.gauss`` has them, w fastest.
     """
-    fields = {}
+    fields: dict[str, NDArray[Any]] = {}
     for name, values in material.gauss.items():
         fields |= {f"{name}_{number}": plane for number, plane in enumerate(values, start=1)}
     return fields

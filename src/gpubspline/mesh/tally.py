@@ -14,6 +14,9 @@ from gpubspline.mesh.validity import Certificate
 
 Floats = NDArray[np.float64]
 
+_OF_ELEMENTS = ("density_g_cm3", "E_MPa", "nu")
+"""Fields that are counted of elements where nodes do not have them."""
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -39,7 +42,7 @@ class Tally:
     element_type: of all elements.
     n_nodes, n_elements: numbers.
     size: volume of hexes, mm3; area of quads, mm2.
-    spreads: of nodal fields, by name.
+    spreads: of nodal fields, by name, and of the material of elements where nodes have none.
     quality: of the elements.
     out_of_range: nodes whose HU no range of the law covers, or None where there is no law.
     distances: distances (s,), mm, from the surface to the region's, and the weight (s,) of each; or None.
@@ -76,6 +79,7 @@ def tally(
 ) -> Tally:
     """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it; ``weigh`` it or not."""
     own = {name: values[own_nodes] for name, values in mesh.fields.items()}
+    own = {name: mesh.cell_fields[name] for name in _OF_ELEMENTS if name in mesh.cell_fields} | own
     spreads = {
         name: Spread(float(values.min()), float(values.max()), float(values.sum(dtype=np.float64)), values.size)
         for name, values in own.items()

@@ -9,6 +9,8 @@ import numpy as np
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.files import whole_file
+from gpubspline.material.alarms import Alarms
+from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.tally import Spread, Tally
@@ -22,6 +24,8 @@ def summary(
     *,
     law: Law | None = None,
     policy: str | None = None,
+    alarms: Alarms | None = None,
+    calibrated: Calibrated | None = None,
     region_size: float | None = None,
     threshold_hu: float | None = None,
     fit: str | None = None,
@@ -36,6 +40,8 @@ def summary(
     device: where the kernels ran.
     seconds: wall time of each stage by name; ``total`` is added where it is missing.
     law, policy: of the material, and for HU outside it.
+    alarms: counts of its mapping.
+    calibrated: the calibration that the law's density comes from.
     region_size: volume of the region, mm3, or the area, mm2, of its section that a quad mesh fills.
     threshold_hu: what separated the region.
     fit, fit_error_mm, fit_error_hu: how the control points were made, and the patch's distance from the data.
@@ -56,12 +62,14 @@ def summary(
         **validity_figures(counted.certificate),
         "volume_mm3": sizes if solid else none,
         "area_mm2": none if solid else sizes,
-        "mass_g": counted.mass_g,
+        "mass_g": counted.mass_g if alarms is None else alarms.mass_mesh_g,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
         "hu": _spread(counted.spreads.get("HU")),
         "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
         "out_of_range_nodes": counted.out_of_range,
         "law": None if law is None else describe_law(law, policy),
+        "alarms": None if alarms is None else alarms.to_dict(),
+        "calibration": None if calibrated is None else calibrated.to_dict(),
         "threshold_hu": threshold_hu,
         "fit": {"method": fit, "error_mm": fit_error_mm, "error_hu": fit_error_hu},
         "backend": device.backend,

@@ -37,9 +37,9 @@ def demo(
             with clock.stage("scan"):
                 write_phantom("adult-femur", series, clock.advance)
         fitted = pipeline.fit_patch(Source(series), SplineOptions(control=counts).shaping(3), device, clock)
-        model = files.make(fitted.fit.patch, SamplingOptions(nodes=counts).sampling(), device, clock, fitted.region)
+        model = files.make(fitted.fit.patch, SamplingOptions(nodes=counts).sampling(), device, clock, fitted.body)
         figures = pipeline.summarise(model, device, clock, fitted)
         files.write(model, figures, clock)
         with clock.stage("write"):
-            write(model.mesh, deck, law=model.sampling.law)
+            write(model.mesh, deck, law=model.law)
     run.say([*describe.summary_lines(figures), *describe.wrote([series, *files.paths, deck])])

@@ -34,7 +34,7 @@ def mesh(
     sampling, device = sampled.sampling(), run.open()
     with run.clock() as clock:
         fitted = pipeline.fit_patch(wanted, shaping, device, clock)
-        model = files.make(fitted.fit.patch, sampling, device, clock, fitted.region)
+        model = files.make(fitted.fit.patch, sampling, device, clock, fitted.body)
         figures = pipeline.summarise(model, device, clock, fitted)
         files.write(model, figures, clock)
     run.say([*describe.summary_lines(figures), *describe.wrote(files.paths)])

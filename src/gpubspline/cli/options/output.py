@@ -50,7 +50,7 @@ class OutputOptions:
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
 
-    def make(self, patch: Any, sampling: Any, device: Any, clock: Any, region: Any = None) -> Any:
+    def make(self, patch: Any, sampling: Any, device: Any, clock: Any, body: Any = None) -> Any:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
         from gpubspline import pipeline
         from gpubspline.streaming import stream_patch
@@ -59,10 +59,12 @@ class OutputOptions:
         if self.picture and self.field not in known:
             raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
-        self._streamed = self.output.suffix.lower() == ".vts" and patch.parametric_dimension == 3 and first_order
+        whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
+        solid = patch.parametric_dimension == 3 and first_order
+        self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole
         if self._streamed:
-            return stream_patch(patch, sampling, self.output, device, clock, region)
-        return pipeline.sample_patch(patch, sampling, device, clock, region)
+            return stream_patch(patch, sampling, self.output, device, clock, body)
+        return pipeline.sample_patch(patch, sampling, device, clock, body)
 
     def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:
         """Write what is not written yet."""
@@ -73,7 +75,7 @@ class OutputOptions:
 
         if not self._streamed:
             with clock.stage("write"):
-                write(model.mesh, self.output, law=model.sampling.law, modulus_bins=self.modulus_bins)
+                write(model.mesh, self.output, law=model.law, modulus_bins=self.modulus_bins)
         if self.picture:
             with clock.stage("picture"):
                 write_picture(model.mesh, self.picture, field=self.field)

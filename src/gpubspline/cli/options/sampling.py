@@ -1,6 +1,7 @@
 """How the mesh is sampled, and what its material is."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
@@ -23,9 +24,24 @@ class SamplingOptions:
         "clamp"
     )
     floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor'", metavar="MPA")] = None
+    mapping: Annotated[
+        str,
+        option("Material", "law at nodes, Gauss points, or over elements", metavar="nodal|gauss|element-hu|element-e"),
+    ] = "nodal"
+    quadrature: Annotated[
+        int | None, option("Material", "points per direction of element-* (default: by the voxels)", metavar="N")
+    ] = None
+    surface_depth: Annotated[
+        float | None, option("Material", "read HU near the surface this far inside", metavar="MM")
+    ] = None
+    calibration: Annotated[
+        Path | None, option("Material", "HU to density: line, table, rods or tissues", metavar="FILE.toml")
+    ] = None
 
     def sampling(self) -> Any:
         """What the pipeline samples."""
+        from gpubspline.material.assign import Mapping
+        from gpubspline.material.calibration_file import read_calibration
         from gpubspline.material.registry import DEFAULT_LAW
         from gpubspline.material.registry import law as find_law
         from gpubspline.recipe import Sampling
@@ -34,4 +50,7 @@ class SamplingOptions:
         if self.floor_modulus is not None:
             policy["floor_modulus_mpa"] = self.floor_modulus
         counts = integers(self.nodes, "nodes", (2, 3))
-        return Sampling(find_law(self.law or DEFAULT_LAW), counts, self.order, self.element, policy)
+        mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, policy)
+        calibration = None if self.calibration is None else read_calibration(self.calibration)
+        law = find_law(self.law or DEFAULT_LAW)
+        return Sampling(law, counts, self.order, self.element, mapping, calibration)

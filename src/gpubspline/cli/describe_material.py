@@ -1,0 +1,113 @@
+"""What the command line says of material laws and of what they made of a mesh: lines of text."""
+
+import textwrap
+from typing import Any
+
+from gpubspline.material.alarms import MASS_TOLERANCE
+from gpubspline.material.density import conversions
+from gpubspline.material.laws import Law
+from gpubspline.material.registry import DEFAULT_LAW
+
+_UNDER = 11 * " "
+
+
+def law_lines(law: Law) -> list[str]:
+    """Name, densities, formulas, ranges, jumps, source and what is unconfirmed of a material law."""
+    lines = [f"{law.name}{' (default)' if law.name == DEFAULT_LAW else ''}: {law.title}"]
+    about = [law.site, law.direction]
+    if law.strain_rate_per_s is not None:
+        about.append(f"at {law.strain_rate_per_s:g} per second")
+    if law.specimens_g_cm3 is not None:
+        about.append(f"specimens of {law.specimens_g_cm3[0]:g} to {law.specimens_g_cm3[1]:g} g/cm3")
+    lines += [f"    {', '.join(filter(None, about))}"] if any(about) else []
+    lines += density_lines(law)
+    for piece in law.pieces:
+        shift = f" {piece.offset_mpa:+g}" if piece.offset_mpa else ""
+        power = f"{piece.factor_mpa:.6g} rho^{piece.exponent:g}{shift}"
+        lines.append(f"    {piece.lower_hu:.0f} to {piece.upper_hu:.0f} HU: E = {power} MPa, nu = {piece.poisson:g}")
+    for hu, below, above in law.jumps():
+        lines.append(f"    jump: at {hu:g} HU the modulus {_verb(below, above)} from {below:.0f} to {above:.0f} MPa")
+    lines.append(f"    {law.citation}")
+    return [*lines, *(["    unconfirmed: " + "; ".join(law.all_unconfirmed)] if law.all_unconfirmed else [])]
+
+
+def _verb(below: float, above: float) -> str:
+    return "falls" if above < below else "rises"
+
+
+def density_lines(law: Law) -> list[str]:
+    """What the density of a law comes to, and the names of its steps."""
+    relation = law.density
+    by = " by " + ", then ".join(step.name for step in relation.steps) if relation.steps else ""
+    if relation.table:
+        points = ", ".join(f"{density:.4g} at {hu:g} HU" for hu, density in relation.table)
+        return [f"    rho {relation.kind}{by}, by a table: {points} g/cm3"]
+    return [f"    rho {relation.kind} = {_line(relation.slope_g_cm3_per_hu, 'HU', relation.intercept_g_cm3)}{by}"]
+
+
+def step_lines() -> list[str]:
+    """The steps that densities are made of, with their sources."""
+    lines = ["density steps"]
+    for step in conversions().values():
+        lines.append(f"    {step.name}: {step.gives} = {_line(step.slope, step.takes, step.intercept)}; {step.source}")
+        lines += [f"        unconfirmed: {what}" for what in step.unconfirmed]
+    return lines
+
+
+def _line(slope: float, takes: str, intercept: float) -> str:
+    return f"{slope:.6g} {takes}" + (f" {intercept:+.6g}" if intercept else "") + " g/cm3"
+
+
+def material_lines(figures: dict[str, Any]) -> list[str]:
+    """The material of a run: values, mapping, calibration, alarms, and what is unconfirmed of the law."""
+    hu, modulus, law, alarms = figures["hu"], figures["modulus_mpa"], figures["law"], figures["alarms"]
+    lines = [f"material   HU {hu['min']:.0f} to {hu['max']:.0f}, E {modulus['min']:.0f} to {modulus['max']:.0f} MPa"]
+    lines += _calibration_lines(figures["calibration"]) if figures["calibration"] else []
+    lines += _alarm_lines(alarms, law)
+    if law["unconfirmed"]:
+        text = f"unconfirmed of the law {law['name']}: " + "; ".join(law["unconfirmed"])
+        lines += textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
+    return lines
+
+
+def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
+    of, depth, order = alarms["of"], alarms["surface_depth_mm"], alarms["order_difference"]
+    inside = "" if depth is None else f", the surface read {depth:g} mm inside"
+    low, high = law["range_hu"]
+    lines = [
+        f"mapping    {alarms['mapping']}{inside}, by the law {law['name']}",
+        f"alarms     {alarms['outside_law']:.2%} of the {of} outside the law's {low:.0f} to {high:.0f} HU "
+        f"({law['out_of_range_policy']})",
+    ]
+    if alarms["beyond_specimens"] is not None:
+        low, high = law["specimens_g_cm3"]
+        lines.append(
+            f"{_UNDER}{alarms['beyond_specimens']:.2%} lighter or denser than the specimens' {low:g} to {high:g} g/cm3"
+        )
+    lines.append(f"{_UNDER}{alarms['near_zero_modulus']:.2%} of a modulus below {alarms['near_zero_mpa']:g} MPa")
+    mass = alarms["mass_g"]
+    if mass["difference"] is not None:
+        lines.append(
+            f"{_UNDER}mass of the mesh {mass['mesh']:.4g} g, of the voxels {mass['voxels']:.4g} g: "
+            f"{mass['difference']:+.2%}" + (", more than 1 %" if abs(mass["difference"]) > MASS_TOLERANCE else "")
+        )
+    if order is not None:
+        lines.append(
+            f"{_UNDER}element-hu and element-e differ by {order['mean']:.1%} of the modulus on average, "
+            f"{order['max']:.0%} at most"
+        )
+    return lines
+
+
+def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
+    method, kind = calibration["method"], calibration["kind"]
+    lines = [f"calibrated {kind} density by {method}: {calibration['source']}"]
+    for each in calibration["references"]:
+        spread = "" if each["deviation_hu"] is None else f" +- {each['deviation_hu']:.1f}"
+        lines.append(
+            f"{_UNDER}{each['name']}: {each['density_g_cm3']:g} g/cm3 at {each['hu']:.1f}{spread} HU, "
+            f"off by {each['residual_g_cm3']:+.4f} g/cm3"
+        )
+    slope, intercept = calibration["slope_g_cm3_per_hu"], calibration["intercept_g_cm3"]
+    line = "" if calibration["table"] else f"{_UNDER}{kind} = {slope:.6g} HU {intercept:+.4g} g/cm3"
+    return [*lines, line] if line else lines

@@ -1,0 +1,220 @@
+"""Calibrating a scanner: HU to a density, by numbers, by a phantom's rods in the scan, or by the patient's tissues.
+
+Rods and tissues give a line by least squares of density on HU; what each is off it is shown. The file that describes a
+calibration is read by ``calibration_file.py``.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from gpubspline.ct.masks import read_mask
+from gpubspline.ct.volume import Volume
+from gpubspline.errors import InputError
+from gpubspline.material.density import DensityRelation, Step
+
+RADIUS_MM = 3.0
+"""Of the ball of voxels about a place, unless told: inside the rods of the common phantoms."""
+
+TISSUES = {"air": (-0.840, (-1020.0, -900.0)), "fat": (-0.080, (-180.0, -20.0)), "muscle": (0.030, (10.0, 130.0))}
+"""Density, g/cm3 of calcium equivalent, and the HU between which the histogram's peak is looked for.
+
+After Eggermont et al., PLoS ONE 14 (2019) e0220564, who fit a line through the three peaks; its densities of the
+tissues were not at hand to be confirmed."""
+
+_TISSUES_UNCONFIRMED = "densities of air, fat and muscle: defaults after Eggermont et al. 2019, not checked against it"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A rod or a tissue of known density in the scan.
+
+    Attributes
+    ----------
+    name: what to call it.
+    density_g_cm3: known.
+    hu: mean or, of a histogram's peak, mode.
+    deviation_hu: standard deviation within it; None where it was not measured.
+    voxels: how many were measured.
+    fitted_g_cm3: density that the calibration gives its HU.
+    """
+
+    name: str
+    density_g_cm3: float
+    hu: float
+    deviation_hu: float | None = None
+    voxels: int = 0
+    fitted_g_cm3: float = np.nan
+
+    @property
+    def residual_g_cm3(self) -> float:
+        """Fitted less known density."""
+        return self.fitted_g_cm3 - self.density_g_cm3
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration that was carried out.
+
+    Attributes
+    ----------
+    relation: from HU to density.
+    method: ``"line"``, ``"table"``, ``"rods"`` or ``"tissues"``.
+    references: what it was fitted to.
+    """
+
+    relation: DensityRelation
+    method: str
+    references: tuple[Reference, ...] = ()
+
+    @property
+    def rms_g_cm3(self) -> float | None:
+        """Root of the mean squared residual; None where nothing was fitted."""
+        if not self.references:
+            return None
+        return float(np.sqrt(np.mean([reference.residual_g_cm3**2 for reference in self.references])))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        relation = self.relation
+        return {
+            "method": self.method,
+            "kind": relation.kind,
+            "source": relation.source,
+            "slope_g_cm3_per_hu": relation.slope_g_cm3_per_hu,
+            "intercept_g_cm3": relation.intercept_g_cm3,
+            "table": [list(point) for point in relation.table],
+            "rms_g_cm3": self.rms_g_cm3,
+            "references": [{**vars(each), "residual_g_cm3": each.residual_g_cm3} for each in self.references],
+        }
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration as a file describes it.
+
+    Attributes
+    ----------
+    kind, source: of the density.
+    folder: where masks are looked for.
+    points: (HU, g/cm3) of a line, two, or a table; empty for the other methods.
+    mask: file of the rods' labels.
+    rods, tissues: their tables.
+    method: see ``Calibrated``.
+    """
+
+    kind: str
+    source: str
+    method: str
+    folder: Path
+    relation: DensityRelation | None = None
+    mask: Path | None = None
+    rods: tuple[dict[str, Any], ...] = ()
+    tissues: tuple[tuple[str, dict[str, Any]], ...] = ()
+
+    def carry_out(self, volume: Volume | None) -> Calibrated:
+        """Find the relation from HU to density, in the whole scan where rods or tissues are looked for.
+
+        Raises
+        ------
+        InputError where there is no scan to look in, or what is looked for is not in it, or the references do not give
+        a density that rises with HU.
+        """
+        if self.relation is not None:
+            return Calibrated(self.relation, self.method)
+        if volume is None:
+            raise InputError(f"expected the CT to find the {self.method} of the calibration in, got a model alone")
+        found = self._rods(volume) if self.method == "rods" else self._tissues(volume)
+        unconfirmed: tuple[str, ...] = ()
+        if any("density_g_cm3" not in table for _, table in self.tissues):
+            unconfirmed = (_TISSUES_UNCONFIRMED,)
+        return _fitted(found, self.kind, self.method, self.source, unconfirmed)
+
+    def _rods(self, volume: Volume) -> list[Reference]:
+        found = []
+        for number, rod in enumerate(self.rods, start=1):
+            if "label" in rod:
+                assert self.mask is not None
+                inside = volume.hu[read_mask(self.folder / self.mask, volume, rod["label"])]
+                name = f"rod {rod['label']}"
+            else:
+                name = f"rod {number}"
+                inside = _ball(volume, rod["centre_mm"], rod.get("radius_mm", RADIUS_MM), name)
+            found.append(_measured(name, rod["density_g_cm3"], inside))
+        return found
+
+    def _tissues(self, volume: Volume) -> list[Reference]:
+        found = []
+        for name, table in self.tissues:
+            density = table.get("density_g_cm3", TISSUES[name][0])
+            if "hu" in table:
+                found.append(Reference(name, density, table["hu"]))
+            elif "centre_mm" in table:
+                inside = _ball(volume, table["centre_mm"], table.get("radius_mm", RADIUS_MM), name)
+                found.append(_measured(name, density, inside))
+            else:
+                found.append(_peak(volume, name, density, TISSUES[name][1]))
+        return found
+
+
+def _measured(name: str, density: float, inside: NDArray[Any]) -> Reference:
+    values = inside.astype(np.float64)
+    return Reference(name, density, float(values.mean()), float(values.std()), values.size)
+
+
+def _ball(volume: Volume, centre_mm: tuple[float, ...], radius_mm: float, name: str) -> NDArray[Any]:
+    """HU of the voxels whose centres lie in a ball."""
+    centre = volume.to_indices(centre_mm)
+    reach = radius_mm * np.linalg.norm(volume.inverse[:3, :3], axis=1)
+    low = np.maximum(np.floor(centre - reach).astype(int), 0)
+    high = np.minimum(np.ceil(centre + reach).astype(int) + 1, volume.shape)
+    if np.any(high <= low):
+        raise InputError(f"expected {name} of the calibration inside the scan, got ({_shown(centre_mm)}) mm")
+    i, j, k = np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij")
+    index = np.stack([i, j, k], axis=-1).reshape(-1, 3)
+    index = index[np.linalg.norm(volume.to_points(index) - np.asarray(centre_mm), axis=1) <= radius_mm]
+    if not len(index):
+        at = f"({_shown(centre_mm)}) mm, radius {radius_mm:g} mm"
+        raise InputError(f"expected voxels in {name} of the calibration, got none about {at}")
+    return np.asarray(volume.hu[index[:, 2], index[:, 1], index[:, 0]])
+
+
+def _peak(volume: Volume, name: str, density: float, between: tuple[float, float]) -> Reference:
+    """Mode of a tissue's HU: the highest point of the histogram, smoothed by 5 HU, with lower ones on both sides."""
+    low, high = between
+    inside = volume.hu[(volume.hu > low) & (volume.hu < high)]
+    counts, edges = np.histogram(inside, bins=int(high - low), range=between)
+    smooth = ndimage.gaussian_filter1d(counts.astype(np.float64), 5.0, mode="nearest")
+    top = int(smooth.argmax())
+    if inside.size < 1000 or top in (0, len(smooth) - 1):
+        raise InputError(
+            f"expected a peak of {name} between {low:g} and {high:g} HU in the scan's histogram, got none: give its "
+            "place (centre_mm) or its hu in the calibration"
+        )
+    mode = float((edges[top] + edges[top + 1]) / 2)
+    return Reference(name, density, mode, None, int(inside.size))
+
+
+def _fitted(found: list[Reference], kind: str, method: str, source: str, unconfirmed: tuple[str, ...]) -> Calibrated:
+    """Draw the line through references by least squares of density on HU."""
+    hu, density = (np.array([getattr(each, name) for each in found]) for name in ("hu", "density_g_cm3"))
+    if len(found) < 2 or np.ptp(density) == 0 or np.ptp(hu) == 0:
+        raise InputError(
+            f"expected at least two {method} of different density and HU to calibrate by, got {len(found)}"
+        )
+    slope, intercept = (float(value) for value in np.polyfit(hu, density, 1))
+    step = Step(f"calibration by {len(found)} {method}", "HU", kind, slope, intercept, source, unconfirmed)
+    relation = DensityRelation(kind, slope, intercept, source, (step,))
+    references = tuple(
+        Reference(each.name, each.density_g_cm3, each.hu, each.deviation_hu, each.voxels, slope * each.hu + intercept)
+        for each in found
+    )
+    return Calibrated(relation, method, references)
+
+
+def _shown(centre_mm: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in centre_mm)

@@ -1,0 +1,179 @@
+"""Calibrations: by hand, by rods of a made scan, by tissues of a made and of a real one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+from numpy.typing import NDArray
+
+from gpubspline.ct.image import read_volume
+from gpubspline.ct.volume import Volume
+from gpubspline.errors import InputError
+from gpubspline.material.calibration_file import read_calibration
+from gpubspline.material.registry import law
+
+RODS = ((0.0, 8.0), (0.05, 70.0), (0.1, 135.0), (0.2, 262.0))  # g/cm3, HU
+PLACES = ((10.0, 12.0, 9.0), (30.0, 12.0, 9.0), (10.0, 28.0, 9.0), (30.0, 28.0, 9.0))
+
+
+def scan() -> tuple[Volume, NDArray[np.uint8]]:
+    """Four rods of 6 mm radius along z with noise of 10 HU, and their labels."""
+    affine = np.diag([0.8, 0.8, 2.0, 1.0])
+    affine[:3, 3] = (-1.0, -2.0, 1.0)
+    k, j, i = np.indices((9, 50, 55))
+    x, y = 0.8 * i - 1, 0.8 * j - 2
+    hu, labels = np.full(k.shape, -1000.0), np.zeros(k.shape, np.uint8)
+    for number, ((_, value), place) in enumerate(zip(RODS, PLACES, strict=True), start=1):
+        inside = (x - place[0]) ** 2 + (y - place[1]) ** 2 < 36
+        hu[inside], labels[inside] = value, number
+    hu += np.random.default_rng(2).normal(0, 10, hu.shape)
+    return Volume(hu.astype(np.float32), affine), labels
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "calibration.toml"
+    path.write_text('kind = "QCT"\nsource = "our phantom"\n' + text)
+    return path
+
+
+def by_places() -> str:
+    rods = [
+        f"[[rods]]\ndensity_g_cm3 = {density}\ncentre_mm = {list(place)}\nradius_mm = 4"
+        for (density, _), place in zip(RODS, PLACES, strict=True)
+    ]
+    return "\n".join(rods)
+
+
+def test_rods_as_places(tmp_path: Path) -> None:
+    volume, _ = scan()
+    found = read_calibration(write(tmp_path, by_places())).carry_out(volume)
+    density, hu = np.array(RODS).T
+    slope, intercept = np.linalg.lstsq(np.stack([hu, np.ones(4)], axis=1), density, rcond=None)[0]
+    assert found.relation.slope_g_cm3_per_hu == pytest.approx(slope, rel=0.01)
+    assert found.relation.intercept_g_cm3 == pytest.approx(intercept, abs=1e-3)
+    for reference, value in zip(found.references, hu, strict=True):
+        assert reference.hu == pytest.approx(value, abs=3) and reference.deviation_hu == pytest.approx(10, abs=2)
+        assert reference.voxels > 100
+        expected = slope * value + intercept - reference.density_g_cm3
+        assert reference.residual_g_cm3 == pytest.approx(expected, abs=3e-3)
+    assert found.rms_g_cm3 is not None and found.rms_g_cm3 < 4e-3
+    assert sum(reference.residual_g_cm3 for reference in found.references) == pytest.approx(0, abs=1e-12)
+
+
+def test_rods_as_a_mask(tmp_path: Path) -> None:
+    volume, labels = scan()
+    image = sitk.GetImageFromArray(labels)
+    image.SetSpacing(volume.spacing_mm.tolist())
+    image.SetOrigin(volume.affine[:3, 3].tolist())
+    sitk.WriteImage(image, str(tmp_path / "rods.nii.gz"))
+    rods = [f"[[rods]]\ndensity_g_cm3 = {density}\nlabel = {n}" for n, (density, _) in enumerate(RODS, start=1)]
+    path = write(tmp_path, 'mask = "rods.nii.gz"\n' + "\n".join(rods))
+    found = read_calibration(path).carry_out(volume)
+    for reference, (_, value) in zip(found.references, RODS, strict=True):
+        assert reference.hu == pytest.approx(value, abs=2)
+    places = read_calibration(write(tmp_path, by_places())).carry_out(volume)
+    assert found.relation.slope_g_cm3_per_hu == pytest.approx(places.relation.slope_g_cm3_per_hu, rel=0.01)
+
+
+def test_line_and_table(tmp_path: Path) -> None:
+    line = read_calibration(write(tmp_path, "slope_g_cm3_per_hu = 0.0008\nintercept_g_cm3 = -0.01")).carry_out(None)
+    assert line.relation.density_g_cm3(500) == pytest.approx(0.39) and line.rms_g_cm3 is None
+    table = read_calibration(write(tmp_path, "points = [[0, 0], [200, 0.19], [1200, 0.9]]")).carry_out(None)
+    assert table.relation.density_g_cm3(100) == pytest.approx(0.095)
+    assert table.relation.density_g_cm3(700) == pytest.approx(0.545)
+    assert table.relation.source == "our phantom" and table.to_dict()["table"][1] == [200.0, 0.19]
+
+
+def test_a_calibrated_law_says_so(tmp_path: Path) -> None:
+    line = read_calibration(write(tmp_path, "slope_g_cm3_per_hu = 0.0008\nintercept_g_cm3 = -0.01")).carry_out(None)
+    calibrated = law("keyak-1998").calibrated(line.relation)
+    assert [step.name for step in calibrated.density.steps] == ["calibration", "ash-from-QCT"]
+    # rho_QCT = 0.39, rho_ash = 0.877 * 0.39 + 0.079 = 0.42103: E = 5307 * 0.42103 + 469 = 2703.4 MPa
+    (piece,) = (piece for piece in calibrated.pieces if piece.lower_hu <= 500 < piece.upper_hu)
+    assert piece.modulus_mpa(calibrated.density.density_g_cm3(500)) == pytest.approx(2703.41, rel=1e-5)
+
+
+TISSUES = "[tissues]\nair = {}\nfat = {}\nmuscle = {}\n"
+
+
+def test_tissues_of_a_made_scan(tmp_path: Path) -> None:
+    """Peaks at -990, -105 and 48 HU under noise of 12 HU, bone and air of the padding besides."""
+    rng = np.random.default_rng(4)
+    parts = ((-990.0, 20_000), (-105.0, 9_000), (48.0, 12_000), (400.0, 3_000), (-1024.0, 20_000))
+    hu = np.concatenate([rng.normal(mean, 12 if mean > -1000 else 0, n) for mean, n in parts])
+    volume = Volume(hu.reshape(64, 100, 10).astype(np.float32), np.eye(4))
+    found = read_calibration(write(tmp_path, TISSUES)).carry_out(volume)
+    assert [each.hu for each in found.references] == pytest.approx([-990, -105, 48], abs=3)
+    assert found.relation.unconfirmed and "Eggermont" in found.relation.unconfirmed[0]
+    slope, intercept = np.polyfit([-990, -105, 48], [-0.84, -0.08, 0.03], 1)
+    assert found.relation.slope_g_cm3_per_hu == pytest.approx(slope, rel=0.01)
+    assert found.relation.intercept_g_cm3 == pytest.approx(intercept, abs=5e-3)
+
+
+def test_tissues_of_a_real_scan(data: Path, tmp_path: Path) -> None:
+    volume = read_volume(data / "hips" / "example_ct.nii.gz")
+    found = read_calibration(write(tmp_path, TISSUES)).carry_out(volume)
+    air, fat, muscle = (each.hu for each in found.references)
+    assert -1010 < air < -960 and -120 < fat < -80 and 15 < muscle < 80
+    assert 0.0007 < found.relation.slope_g_cm3_per_hu < 0.001
+    assert max(abs(each.residual_g_cm3) for each in found.references) < 0.02
+
+
+def test_tissues_by_places_and_numbers(tmp_path: Path) -> None:
+    volume, _ = scan()
+    text = (
+        "[tissues]\nair = {hu = -1000, density_g_cm3 = -0.8}\nmuscle = {centre_mm = [10, 12, 9], density_g_cm3 = 0.01}"
+    )
+    found = read_calibration(write(tmp_path, text)).carry_out(volume)
+    assert found.references[1].hu == pytest.approx(8, abs=3) and not found.relation.unconfirmed
+    assert found.relation.density_g_cm3(8) == pytest.approx(0.01, abs=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [0, 0, 0]", "at least two rods of known density .* got 1"),
+        ("[[rods]]\ndensity_g_cm3 = 0.1", "either a label or a centre_mm for rod 1"),
+        ("[[rods]]\ndensity_g_cm3 = 0.1\nlabel = 1\n[[rods]]\ndensity_g_cm3 = 0.2\nlabel = 2", "a mask for the rods"),
+        ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [0, 0]", "three numbers, LPS mm, as centre_mm of rod 1"),
+        ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [0, 0, 0]\nradius_mm = 0", "positive radius_mm of rod 1"),
+        ("slope_g_cm3_per_hu = -0.001", "rises with HU"),
+        ("slope_g_cm3_per_hu = 0.001\npoints = []", "got 2 of them"),
+        ("", "expected one of slope_g_cm3_per_hu, points, rods, tissues in the calibration calibration.toml, got 0"),
+        ("points = [[0, 0], [100, 0.1]]\nmask = 'x.nii'", "mask with rods alone"),
+        ("points = [[0, 0], [100, -0.1]]", "rises with HU"),
+        ("[tissues]\nair = {}", "at least two of air, fat, muscle"),
+        ("[tissues]\nair = {}\nbrain = {}", "'brain' which is unknown"),
+        ("[tissues]\nair = {hu = 1, centre_mm = [0, 0, 0]}\nfat = {}", "either hu or centre_mm for air"),
+        ("colour = 1", "'colour' which is unknown"),
+    ],
+)
+def test_bad_files(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        read_calibration(write(tmp_path, text))
+    assert "\n" not in str(error.value)
+
+
+def test_bad_kind(tmp_path: Path) -> None:
+    path = write(tmp_path, "slope_g_cm3_per_hu = 0.001")
+    path.write_text(path.read_text().replace("QCT", "wet"))
+    with pytest.raises(InputError, match=r"density kind of QCT, ash, apparent in the calibration .*, got 'wet'"):
+        read_calibration(path)
+
+
+def test_what_is_not_in_the_scan(tmp_path: Path) -> None:
+    volume, _ = scan()
+    calibration = read_calibration(write(tmp_path, by_places()))
+    with pytest.raises(InputError, match="the CT to find the rods of the calibration in"):
+        calibration.carry_out(None)
+    outside = by_places().replace("[10.0, 12.0, 9.0]", "[500.0, 12.0, 9.0]")
+    with pytest.raises(InputError, match=r"rod 1 of the calibration inside the scan, got \(500, 12, 9\) mm"):
+        read_calibration(write(tmp_path, outside)).carry_out(volume)
+    same = by_places()
+    for density, _ in RODS:
+        same = same.replace(f"density_g_cm3 = {density}\n", "density_g_cm3 = 0.5\n")
+    with pytest.raises(InputError, match="at least two rods of different density and HU"):
+        read_calibration(write(tmp_path, same)).carry_out(volume)
+    with pytest.raises(InputError, match="a peak of fat between -180 and -20 HU"):
+        read_calibration(write(tmp_path, TISSUES)).carry_out(volume)
