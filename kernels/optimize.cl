@@ -4,7 +4,8 @@
 // Coordinates are planes (3, n). `nodes` is (8, m): plane a holds the number of vertex a of each element, in VTK's order.
 // `start` (n + 1) and `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
 // `slack` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
-// `volume` samples the level, `to_index` is the row-major 3x4 map from coordinates to its index (i, j, k).
+// `volume` samples one level or more, one after another; `levels` (2, n) says which one holds each node, and the second one
+// of a node on the curve where two meet, else -1. `to_index` is the row-major 3x4 map from coordinates to the index (i, j, k).
 
 #define FREE ((real)1e6)
 #define TINY ((real)1e-20)
@@ -139,9 +140,10 @@ void hex_energy(__global const real *x, int n, __global const int *nodes, int m,
     }
 }
 
-// Gradient (3, n) by node: the sum of what its elements gave, less what would push it off the level set.
+// Gradient (3, n) by node: the sum of what its elements gave, less what would push it off the level set or the curve.
 __kernel void node_gradient(__global const real *values, int m, __global const int *start, __global const int *slots,
-                            __global const real *normal, __global const real *slack, int n, __global real *out)
+                            __global const real *normal, __global const real *slack, __global const int *levels, int n,
+                            __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
@@ -158,10 +160,14 @@ __kernel void node_gradient(__global const real *values, int m, __global const i
     real off = gx * nx + gy * ny + gz * nz;
     if (slack[i] > 0) // a step back from the end of the slack is free
         off = fmin(off, (real)0);
-    real moves = slack[i] < 0 ? 0 : 1;
-    out[i] = moves * (gx - off * nx);
-    out[second + i] = moves * (gy - off * ny);
-    out[third + i] = moves * (gz - off * nz);
+    real moves = slack[i] < 0 ? 0 : 1, kept = moves;
+    if (levels[second + i] >= 0) { // the normal is the curve's direction: nothing but what goes along it is left
+        off = -off;
+        kept = 0;
+    }
+    out[i] = kept * gx - moves * off * nx;
+    out[second + i] = kept * gy - moves * off * ny;
+    out[third + i] = kept * gz - moves * off * nz;
 }
 
 // out = x + a d, no node farther than `cap`.
@@ -230,9 +236,31 @@ inline point held(__global const real *volume, int n_i, int n_j, int n_k, __glob
     return p;
 }
 
+// The same on the level `one`, and where `other` is not negative on both levels: `normal` is the curve's direction then.
+inline point held_on(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, int one, int other,
+                     point p, real slack, point *normal)
+{
+    size_t size = (size_t)n_i * n_j * n_k;
+    p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, normal);
+    if (other < 0)
+        return p;
+    point a, b;
+    for (int turn = 0; turn < 2; turn++) {
+        p = held(volume + other * size, n_i, n_j, n_k, m, p, slack, &b);
+        p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, &a);
+    }
+    point along = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    real scale = rsqrt(fmax(along.x * along.x + along.y * along.y + along.z * along.z, TINY));
+    normal->x = scale * along.x;
+    normal->y = scale * along.y;
+    normal->z = scale * along.z;
+    return p;
+}
+
 // Brings nodes back to within their slack of the zero level, and gives the normals (3, n) there, 0 for those that are free.
-__kernel void slide(__global real *x, int n, __global const real *slack, __global const real *volume, int n_i, int n_j,
-                    int n_k, __global const real *to_index, __global real *normal)
+__kernel void slide(__global real *x, int n, __global const real *slack, __global const int *levels,
+                    __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
+                    __global real *normal)
 {
     int i = get_global_id(0);
     if (i >= n)
@@ -241,7 +269,7 @@ __kernel void slide(__global real *x, int n, __global const real *slack, __globa
     point out = {0, 0, 0};
     if (slack[i] >= 0 && slack[i] < FREE) {
         point p = {x[i], x[second], x[third]};
-        p = held(volume, n_i, n_j, n_k, to_index, p, slack[i], &out);
+        p = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[second], p, slack[i], &out);
         x[i] = p.x;
         x[second] = p.y;
         x[third] = p.z;
@@ -301,9 +329,9 @@ inline real least_round(__global const real *x, int n, __global const int *nodes
 // Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
 // corners it has a part in: the best of 14 directions, again from there, `step` halved `halvings` times where none helps.
 __kernel void improve(__global real *x, int n, __global const int *nodes, int m, __global const int *start,
-                      __global const int *slots, __global const real *slack, __global const int *moved, int begin,
-                      int count, real step, int halvings, int tries, __global const real *volume, int n_i, int n_j,
-                      int n_k, __global const real *to_index)
+                      __global const int *slots, __global const real *slack, __global const int *levels,
+                      __global const int *moved, int begin, int count, real step, int halvings, int tries,
+                      __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index)
 {
     int item = get_global_id(0);
     if (item >= count)
@@ -328,7 +356,7 @@ __kernel void improve(__global real *x, int n, __global const int *nodes, int m,
             q.y += way < 6 ? (way / 2 == 1 ? sign * a : 0) : (bits & 2 ? a : -a);
             q.z += way < 6 ? (way / 2 == 2 ? sign * a : 0) : (bits & 4 ? a : -a);
             if (loose < FREE)
-                q = held(volume, n_i, n_j, n_k, to_index, q, loose, &normal);
+                q = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[(size_t)n + i], q, loose, &normal);
             real value = least_round(x, n, nodes, m, slots, first, last, q);
             if (value > best_least) {
                 best_least = value;

@@ -6,7 +6,9 @@ raise the worst corner round them.
 Coordinates are planes (3, n). ``nodes`` is (8, m): plane a holds the number of vertex a of each element, in VTK's
 order. ``start`` (n + 1) and ``slots`` say where the elements of each node are: slot a m + e for vertex a of element e.
 ``slack`` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
-``volume`` samples the level, ``to_index`` is the row-major 3x4 map from coordinates to its index (i, j, k).
+``volume`` samples one level or more, one after another; ``levels`` (2, n) says which one holds each node, and the
+second one of a node on the curve where two meet, else -1. ``to_index`` is the row-major 3x4 map from coordinates to
+the index (i, j, k).
 """
 
 from typing import Any
@@ -219,11 +221,12 @@ def node_gradient(
     slots: wp.array(dtype=wp.int32),
     normal: wp.array(dtype=Any),
     slack: wp.array(dtype=Any),
+    levels: wp.array(dtype=wp.int32),
     n: wp.int32,
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Gradient (3, n) by node: the sum of what its elements gave, less what would push it off the level set."""
+    """Gradient (3, n) by node: what its elements gave in sum, less what would push it off the level or the curve."""
     i = wp.tid() + first
     none = out.dtype(0.0)
     gx = out.dtype(0.0)
@@ -241,9 +244,13 @@ def node_gradient(
     if slack[i] > none:  # a step back from the end of the slack is free
         off = wp.min(off, none)
     moves = wp.where(slack[i] < none, none, out.dtype(1.0))
-    out[i] = moves * (gx - off * nx)
-    out[n + i] = moves * (gy - off * ny)
-    out[2 * n + i] = moves * (gz - off * nz)
+    kept = moves
+    if levels[n + i] >= 0:  # the normal is the curve's direction: nothing but what goes along it is left
+        off = -off
+        kept = none
+    out[i] = kept * gx - moves * off * nx
+    out[n + i] = kept * gy - moves * off * ny
+    out[2 * n + i] = kept * gz - moves * off * nz
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -269,6 +276,7 @@ def move(
 @wp.func
 def level_at(
     volume: wp.array(dtype=Any),
+    level: wp.int32,
     n_i: wp.int32,
     n_j: wp.int32,
     n_k: wp.int32,
@@ -290,7 +298,7 @@ def level_at(
     b = t_j - type(t_i)(j)
     c = t_k - type(t_i)(k)
     row = wp.int64(n_i)
-    near = (wp.int64(k) * wp.int64(n_j) + wp.int64(j)) * row + wp.int64(i)
+    near = ((wp.int64(level) * wp.int64(n_k) + wp.int64(k)) * wp.int64(n_j) + wp.int64(j)) * row + wp.int64(i)
     far = near + row * wp.int64(n_j)
     one = wp.int64(1)
     d00 = volume[near + one] - volume[near]
@@ -316,6 +324,7 @@ def level_at(
 @wp.func
 def held(
     volume: wp.array(dtype=Any),
+    level: wp.int32,
     n_i: wp.int32,
     n_j: wp.int32,
     n_k: wp.int32,
@@ -329,7 +338,7 @@ def held(
     q = p
     g = type(slack)(0.0) * p
     for _step in range(NEWTON_STEPS):
-        phi, slope = level_at(volume, n_i, n_j, n_k, to_index, q)
+        phi, slope = level_at(volume, level, n_i, n_j, n_k, to_index, q)
         g = slope
         off = phi - wp.min(wp.max(phi, -slack), slack)
         if off > type(slack)(0.0):
@@ -342,11 +351,36 @@ def held(
     return q, (side * inverse_length(g)) * g
 
 
+@wp.func
+def held_on(
+    volume: wp.array(dtype=Any),
+    n_i: wp.int32,
+    n_j: wp.int32,
+    n_k: wp.int32,
+    to_index: wp.array(dtype=Any),
+    one: wp.int32,
+    other: wp.int32,
+    p: Any,
+    slack: Any,
+):
+    """Hold p on the level ``one``, and where ``other`` is not negative on both: the normal is the curve's direction."""
+    q, normal = held(volume, one, n_i, n_j, n_k, to_index, p, slack)
+    if other >= 0:
+        across = normal
+        for _turn in range(2):
+            r, across = held(volume, other, n_i, n_j, n_k, to_index, q, slack)
+            q, normal = held(volume, one, n_i, n_j, n_k, to_index, r, slack)
+        along = wp.cross(normal, across)
+        normal = inverse_length(along) * along
+    return q, normal
+
+
 @wp.kernel(enable_backward=False, module="unique")
 def slide(
     x: wp.array(dtype=Any),
     n: wp.int32,
     slack: wp.array(dtype=Any),
+    levels: wp.array(dtype=wp.int32),
     volume: wp.array(dtype=Any),
     n_i: wp.int32,
     n_j: wp.int32,
@@ -363,7 +397,7 @@ def slide(
     none = x.dtype(0.0)
     out = wp.vector(none, none, none)
     if slack[i] >= none and slack[i] < x.dtype(FREE):
-        p, out = held(volume, n_i, n_j, n_k, to_index, at_node(x, n, i), slack[i])
+        p, out = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[n + i], at_node(x, n, i), slack[i])
         x[i] = p[0]
         x[n + i] = p[1]
         x[2 * n + i] = p[2]
@@ -447,6 +481,7 @@ def improve(
     start: wp.array(dtype=wp.int32),
     slots: wp.array(dtype=wp.int32),
     slack: wp.array(dtype=Any),
+    levels: wp.array(dtype=wp.int32),
     moved: wp.array(dtype=wp.int32),
     begin: wp.int32,
     count: wp.int32,
@@ -479,7 +514,7 @@ def improve(
             for way in range(14):
                 q = p + ahead(way, length)
                 if loose < x.dtype(FREE):
-                    q, _normal = held(volume, n_i, n_j, n_k, to_index, q, loose)
+                    q, _normal = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[n + i], q, loose)
                 value = least_round(x, n, nodes, m, slots, start[i], start[i + 1], q)
                 if value > best_least:
                     best_least = value

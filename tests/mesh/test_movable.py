@@ -103,6 +103,30 @@ def test_nodes_slide_on_the_level_and_stay_within_their_slack(any_device):
     assert not gradient[slack < 0].any()
 
 
+def test_nodes_of_a_curve_go_along_it(any_device):
+    """Two levels, the planes z = 1 and x = 0.5 + y / 2: their curve has the direction (1, 2, 0)."""
+    cells, points = block(noise=0.2)
+    n, step = len(points), 0.5
+    line = np.arange(-2, 4 + step / 2, step)
+    z, y, x = np.meshgrid(line, line, line, indexing="ij")
+    to_index = np.hstack([np.eye(3) / step, np.full((3, 1), 2 / step)])
+    level = put_level(np.stack([z - 1, (x - 0.5 - 0.5 * y) / np.sqrt(1.25)]), to_index, any_device)
+    levels = np.stack([np.arange(n) % 2, np.full(n, -1)]).astype(np.int32)
+    levels[:, ::3] = [[0], [1]]
+    hexes = movable(cells, n, np.zeros(n), level, any_device, levels=levels)
+    buffer = any_device.put(np.ascontiguousarray(points.T))
+    hexes.slide(buffer)
+    slid = np.array(any_device.get(buffer)).reshape(3, -1).T
+    flat, leaning = slid[:, 2] - 1, slid[:, 0] - 0.5 - 0.5 * slid[:, 1]
+    assert np.abs(flat[(levels == 0).any(axis=0)]).max() < 1e-5
+    assert np.abs(leaning[(levels == 1).any(axis=0)]).max() < 1e-5
+    _, gradient = evaluate(hexes, slid, Goal(1.0, 2, 0.1))
+    along, size = np.array([1, 2, 0]) / np.sqrt(5), np.abs(gradient).max()
+    of_curve = gradient[::3]
+    assert np.abs(of_curve - (of_curve @ along)[:, None] * along).max() < 1e-5 * size
+    assert np.abs(of_curve).max() > 0.01 * size
+
+
 def test_slots_name_each_vertex_of_each_hex_once():
     cells, points = block()
     start, slots = node_slots(cells, len(points))

@@ -81,7 +81,7 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     nodes = nodes[np.argsort(colours[nodes], kind="stable")]
     counts = np.bincount(colours[nodes])
     moved, device = hexes.device.put(nodes), hexes.device
-    table = (hexes.nodes, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, moved)
+    table = (hexes.nodes, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
     for first, count in zip(np.cumsum(counts) - counts, counts, strict=True):
         how = (int(first), int(count), REACH, HALVINGS, TRIES, *hexes.level.arguments)
         device.launch("optimize.improve", int(count), x, hexes.n_nodes, *table, *how)

@@ -20,11 +20,11 @@ PARTS = 4096
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A sampled distance on a device.
+    """Sampled distances on a device, one or more.
 
     Attributes
     ----------
-    volume: (n_k, n_j, n_i), in the unit of the coordinates.
+    volume: (levels, n_k, n_j, n_i), in the unit of the coordinates.
     counts: (n_i, n_j, n_k).
     to_index: row-major 3 x 4 map from coordinates to the index (i, j, k).
     """
@@ -40,8 +40,8 @@ class Level:
 
 
 def put_level(volume: NDArray[Any], to_index: NDArray[np.float64], device: Device) -> Level:
-    """Bring a distance (n_k, n_j, n_i) and the map (3 or 4, 4) from coordinates to its index to a device."""
-    n_k, n_j, n_i = volume.shape
+    """Bring distances ([levels,] n_k, n_j, n_i) and the map (3 or 4, 4) from coordinates to their index to a device."""
+    n_k, n_j, n_i = volume.shape[-3:]
     return Level(
         device.put(np.ascontiguousarray(volume)), (n_i, n_j, n_k), device.put(np.ascontiguousarray(to_index[:3]))
     )
@@ -75,6 +75,7 @@ class Movable:
     start, slots: (n + 1,), (8 m,) where the elements of each node are.
     slack: (n,) how far a node may be from the zero level; ``FREE`` or ``FIXED``.
     level: what boundary nodes slide on.
+    levels: (2, n) which of its distances, and a second one for nodes on the curve where two meet, else -1.
     """
 
     device: Device
@@ -86,6 +87,7 @@ class Movable:
     slots: Buffer
     slack: Buffer
     level: Level
+    levels: Buffer
     normal: Buffer
     energy: Buffer
     shares: Buffer
@@ -102,7 +104,7 @@ class Movable:
 
     def slide(self, x: Buffer) -> None:
         """Bring the nodes x (3, n) back to within their slack."""
-        args = (x, self.n_nodes, self.slack, *self.level.arguments, self.normal)
+        args = (x, self.n_nodes, self.slack, self.levels, *self.level.arguments, self.normal)
         self.device.launch("optimize.slide", self.n_nodes, *args)
 
     def evaluate(self, x: Buffer, goal: Goal, gradient: Buffer) -> float:
@@ -121,7 +123,8 @@ class Movable:
             self.energy,
             self.shares,
         )
-        args = (self.shares, m, self.start, self.slots, self.normal, self.slack, self.n_nodes, gradient)
+        table = (self.start, self.slots, self.normal, self.slack, self.levels)
+        args = (self.shares, m, *table, self.n_nodes, gradient)
         device.launch("optimize.node_gradient", self.n_nodes, *args)
         parts = device.empty(PARTS)
         device.launch("vectors.dot_parts", PARTS, self.energy, self.ones, m, PARTS, parts)
@@ -144,8 +147,13 @@ def movable(
     level: Level,
     device: Device,
     log_lengths: NDArray[Any] | None = None,
+    levels: NDArray[Any] | None = None,
 ) -> Movable:
-    """Bring hexes (m, 8) of n nodes with their slack (n,) to a device; target lengths are 1 unless given (3, m)."""
+    """Bring hexes (m, 8) of n nodes with their slack (n,) to a device.
+
+    Target lengths are 1 unless given (3, m); nodes are held by the first distance alone unless ``levels`` (2, n) says
+    by which.
+    """
     m = len(cells)
     start, slots = node_slots(cells, n_nodes)
     lengths = np.zeros(3 * m) if log_lengths is None else log_lengths
@@ -159,11 +167,17 @@ def movable(
         slots=device.put(slots),
         slack=device.put(slack.astype(np.float64)),
         level=level,
+        levels=device.put(one_level(n_nodes) if levels is None else levels),
         normal=device.put(np.zeros(3 * n_nodes)),
         energy=device.empty(m),
         shares=device.empty(24 * m),
         ones=device.put(np.ones(m)),
     )
+
+
+def one_level(n_nodes: int) -> NDArray[np.int32]:
+    """(2, n) of nodes that the first distance alone holds."""
+    return np.stack([np.zeros(n_nodes, dtype=np.int32), np.full(n_nodes, -1, dtype=np.int32)])
 
 
 def node_slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -9,7 +9,7 @@ from gpubspline.device import Device
 from gpubspline.mesh.bezier import BezierBlocks, bezier_blocks
 from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
 from gpubspline.mesh.blocks.mesher import Blocks
-from gpubspline.mesh.movable import put_level
+from gpubspline.mesh.movable import one_level, put_level
 
 Floats = NDArray[np.float64]
 
@@ -40,9 +40,10 @@ def onto(level: LevelSet, device: Device) -> Callable[[Floats], Floats]:
         at = points @ back[:3, :3].T + back[:3, 3]
         count = len(at)
         x = device.put(np.ascontiguousarray(at.T))
-        slack, normal = device.put(np.zeros(count)), device.empty(3 * count)
+        slack, levels = device.put(np.zeros(count)), device.put(one_level(count))
+        normal = device.empty(3 * count)
         for _ in range(_SLIDES):
-            device.launch("optimize.slide", count, x, count, slack, *held.arguments, normal)
+            device.launch("optimize.slide", count, x, count, slack, levels, *held.arguments, normal)
         return level.in_mm(np.array(device.get(x)).reshape(3, -1).T)
 
     return project
