@@ -21,35 +21,36 @@ def places(
     shape: wp.array(dtype=Any),
     slopes: wp.array(dtype=Any),
     weights: wp.array(dtype=Any),
+    n_points: wp.int32,
     x: wp.array(dtype=Any),
     y: wp.array(dtype=Any),
     z: wp.array(dtype=Any),
     volume: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Place of each point and the volume that it stands for, of quads (``flat`` 1) the area; over (points, m)."""
-    tid_g, e = wp.tid()
-    g = tid_g + first
+    """Place of each point and the volume that it stands for, of quads (``flat`` 1) the area."""
+    e = wp.tid() + first
     origin = nodes[e]
     corner = wp.vector(points[origin], points[n + origin], points[2 * n + origin])
-    place = corner - corner
-    u = place
-    v = place
-    w = place
-    for a in range(1, k):  # from vertex 0, so that the digits of the place are not lost in the differences
-        node = nodes[a * m + e]
-        edge = wp.vector(points[node], points[n + node], points[2 * n + node]) - corner
-        at = g * k + a
-        place = place + shape[at] * edge
-        u = u + slopes[3 * at] * edge
-        v = v + slopes[3 * at + 1] * edge
-        w = w + slopes[3 * at + 2] * edge
-    out = g * m + e
-    x[out] = corner[0] + place[0]
-    y[out] = corner[1] + place[1]
-    z[out] = corner[2] + place[2]
-    normal = wp.cross(u, v)
-    volume[out] = weights[g] * wp.where(flat == 1, wp.length(normal), wp.dot(normal, w))
+    for g in range(n_points):
+        place = corner - corner
+        u = place
+        v = place
+        w = place
+        for a in range(1, k):  # from vertex 0, so that the digits of the place are not lost in the differences
+            node = nodes[a * m + e]
+            edge = wp.vector(points[node], points[n + node], points[2 * n + node]) - corner
+            at = g * k + a
+            place = place + shape[at] * edge
+            u = u + slopes[3 * at] * edge
+            v = v + slopes[3 * at + 1] * edge
+            w = w + slopes[3 * at + 2] * edge
+        out = g * m + e
+        x[out] = corner[0] + place[0]
+        y[out] = corner[1] + place[1]
+        z[out] = corner[2] + place[2]
+        normal = wp.cross(u, v)
+        volume[out] = weights[g] * wp.where(flat == 1, wp.length(normal), wp.dot(normal, w))
 
 
 @wp.kernel(enable_backward=False, module="unique")

@@ -57,8 +57,8 @@ class Quadrature:
     def places(self, points: Buffer, n: int, nodes: Buffer, m: int, out: list[Buffer], volume: Buffer) -> None:
         """Write places (three of (g, m)) and volumes (g, m) of elements of ``nodes`` (k, m) on points (3, n)."""
         where = (points, n, nodes, self.element.n_nodes, m, int(self.element.dimension == 2))
-        how = (self.shape, self.slopes, self.weights)
-        self.device.launch("quadrature.places", (self.n_points, m), *where, *how, *out, volume)
+        how = (self.shape, self.slopes, self.weights, self.n_points)
+        self.device.launch("quadrature.places", m, *where, *how, *out, volume)
 
     def interpolate(self, field: Buffer, nodes: Buffer, m: int, out: Buffer) -> None:
         """Write a nodal field (n) at the points (g, m), within what it is at the element's own nodes."""
