@@ -271,6 +271,23 @@ def test_stance_hardly_depends_on_the_mesh():
         np.testing.assert_allclose(one.centre_mm, other.centre_mm, atol=1.2)
 
 
+def test_meshes_of_one_body_are_loaded_at_the_same_places():
+    """Measured by one body, caps differ only by how well the meshes follow it, and come nearer with each."""
+    case, body = load_case("stance"), bone_mesh(CHILD, (21, 21, 61))
+    fine = assemble(case, body)
+    off = []
+    for counts in ((9, 9, 25), (13, 14, 37), (17, 17, 49)):
+        made = assemble(case, bone_mesh(CHILD, counts), body)
+        assert made.away_mm == fine.away_mm
+        off.append(
+            [abs(one.area_mm2 / other.area_mm2 - 1) for one, other in zip(made.report, fine.report, strict=True)]
+        )
+        for one, other in zip(made.report, fine.report, strict=True):
+            np.testing.assert_allclose(one.centre_mm, other.centre_mm, atol=0.25)
+    for of_head_or_trochanter in np.array(off).T[1:]:
+        assert np.all(np.diff(of_head_or_trochanter) < 0) and of_head_or_trochanter[-1] < 0.02
+
+
 def test_axes_of_a_femur_are_right_handed_or_mirrored():
     mesh = bone_mesh(CHILD)
     np.testing.assert_array_equal(patient_axes("femur", mesh), patient_axes("left femur", mesh))
@@ -285,6 +302,7 @@ title = "A block pulled and pressed"
 source = "here"
 axes = "right femur"
 away_mm = 5.0
+averaged_mm = 2
 [regions.tip]
 side = "w1"
 sphere = { centre_mm = [0, 0, 90], radius_mm = 20 }
@@ -330,6 +348,7 @@ def test_a_file_says_all_that_a_load_case_holds(tmp_path):
             (0, 0, -9810),
             axes="right femur",
             away=5.0,
+            averaged_mm=2.0,
             title="A block pulled and pressed",
             source="here",
         )
@@ -358,6 +377,7 @@ REFUSED = {
     "zero": (CASE.replace("[0, 0, -100]", "[0, 0, 0]"), "not zero for force_n"),
     "infinite": (CASE.replace("[0, 0, -100]", "[0, 0, inf]"), "three finite numbers for force_n"),
     "radius": (CASE.replace("radius_mm = 20", "radius_mm = -1"), "above 0 for radius_mm in sphere"),
+    "mean": (CASE.replace("averaged_mm = 2", "averaged_mm = 0"), "a number above 0 for averaged_mm of the file, got 0"),
     "both": (CASE.replace("away_mm = 5.0", "away_mm = 5.0\naway_of_width = 1"), "away_mm or away_of_width.*got both"),
     "neither": (CASE.replace(", area_mm2 = 8", ""), "radius_mm or area_mm2 in patch.*got neither"),
     "number": (CASE.replace("pressure_mpa = 0.5", 'pressure_mpa = "much"'), "a number for pressure_mpa"),

@@ -7,6 +7,7 @@ Units are N, mm and MPa. A file holds one load case::
     axes = "patient"                                     # of every vector, see below
     away_mm = 5.0                                        # or away_of_width = 0.1: stress nearer than this to a support
                                                          # or a force is left out of the maximum
+    averaged_mm = 3.0                                    # the maximum is that of means over balls of this radius
 
     [regions.tip]                                        # where all that is given holds:
     side = "w1"                                          # face u0 to w1 of a structured mesh, node set, or "surface"
@@ -49,6 +50,7 @@ from gpubspline.errors import InputError
 from gpubspline.tables import checked, is_a, parse, read_text
 
 AXES = ("patient", "femur", "left femur", "right femur")
+_SIZES = ("away_mm", "away_of_width", "averaged_mm")
 Item = TypeVar("Item")
 
 
@@ -90,6 +92,7 @@ class LoadCase:
     axes: of all vectors, one of ``AXES``.
     away: how near to supports and forces stress is left out of the maximum: mm, or a share of the body's width where
         ``away_of_width``.
+    averaged_mm: radius of the balls over which stress is averaged before its maximum is taken; 0 for none.
     """
 
     name: str
@@ -100,6 +103,7 @@ class LoadCase:
     axes: str = "patient"
     away: float = 0.0
     away_of_width: bool = False
+    averaged_mm: float = 0.0
     title: str = ""
     source: str = ""
 
@@ -150,7 +154,7 @@ def read_load_case(text: str, name: str) -> LoadCase:
 def _case(tables: dict[str, Any], name: str) -> LoadCase:
     texts = {"title": str, "source": str, "axes": str}
     lists = {"regions": dict, "fixed": list, "force": list, "pressure": list, "gravity": dict}
-    given = checked(tables, "the file", {}, {**texts, "away_mm": float, "away_of_width": float, **lists})
+    given = checked(tables, "the file", {}, {**texts, **dict.fromkeys(_SIZES, float), **lists})
     regions = {key: _region(key, table) for key, table in given.get("regions", {}).items()}
     away, of_width = _one_of(given, "away_mm", "away_of_width", "the file") or (0.0, False)
     return LoadCase(
@@ -161,6 +165,7 @@ def _case(tables: dict[str, Any], name: str) -> LoadCase:
         _gravity(given["gravity"]) if "gravity" in given else None,
         away=away,
         away_of_width=of_width,
+        averaged_mm=_positive(given["averaged_mm"], "averaged_mm of the file") if "averaged_mm" in given else 0.0,
         **{key: given[key] for key in texts if key in given},
     )
 

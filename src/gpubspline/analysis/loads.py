@@ -86,22 +86,28 @@ class AssembledLoads:
         return np.asarray(np.cross(arms, self.forces_n).sum(axis=0))
 
 
-def assemble(case: LoadCase, mesh: Mesh) -> AssembledLoads:
+def assemble(case: LoadCase, mesh: Mesh, body: Mesh | None = None) -> AssembledLoads:
     """Put a load case on a mesh of hexes.
+
+    Arguments
+    ---------
+    body: the mesh by which caps and shares of the width are measured, ``mesh`` itself unless given: meshes of different
+        density of one body then are loaded at the same places.
 
     Raises
     ------
     InputError where a region catches nothing of the surface, the mesh is not of hexes, gravity finds no density, or
     ``axes = "femur"`` no side.
     """
-    axes = patient_axes(case.axes, mesh)
-    at_gauss, at_nodes = surfaces(mesh, axes)
+    body = mesh if body is None else body
+    axes = patient_axes(case.axes, body)
+    at_gauss, at_nodes = surfaces(mesh, axes, body)
     made = AssembledLoads(
         fixed=np.zeros((mesh.n_nodes, 3), dtype=np.bool_),
         prescribed_mm=np.zeros((mesh.n_nodes, 3)),
         forces_n=np.zeros((mesh.n_nodes, 3)),
         gripped=np.zeros(mesh.n_nodes, dtype=np.bool_),
-        away_mm=case.away * (width_mm(mesh) if case.away_of_width else 1.0),
+        away_mm=case.away * (width_mm(body) if case.away_of_width else 1.0),
         report=(),
     )
     report = [_hold(made, support, at_nodes, at_gauss, axes) for support in case.supports]

@@ -23,6 +23,11 @@ Vector = tuple[float, float, float]
 _POINTS = 4
 """Gauss points per parameter of a face: exact for the forces on a curved face of order 2 that lies in the region."""
 
+_SAMPLES, _MOST_PARTS = 1_000_000, 8
+"""Faces are cut into parts along either parameter, each with its Gauss points, for about so many samples in all: the
+edge of a region then lies as exactly on a mesh of few faces as on one of many.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -35,6 +40,7 @@ class Surface:
     faces: (f, k) node numbers, outward.
     at: (s, 2) parameters in 0..1 of the samples of each face.
     weights: (s,) of the samples, or None for samples at the faces' own nodes, in their order.
+    body: the mesh whose width and outermost points regions are measured by.
     """
 
     mesh: Mesh
@@ -42,6 +48,7 @@ class Surface:
     faces: NDArray[np.int32]
     at: Floats
     weights: Floats | None
+    body: Mesh
 
     @property
     def face(self) -> Element:
@@ -75,8 +82,10 @@ class Surface:
         return np.asarray(self.mesh.points[self.faces], dtype=np.float64)
 
 
-def surfaces(mesh: Mesh, axes: Floats) -> tuple[Surface, Surface]:
+def surfaces(mesh: Mesh, axes: Floats, body: Mesh | None = None) -> tuple[Surface, Surface]:
     """Surface of a mesh at Gauss points, where loads act, and at its nodes, which supports hold.
+
+    ``body`` is the mesh whose width and outermost points regions are measured by, the same one unless given.
 
     Raises
     ------
@@ -84,12 +93,21 @@ def surfaces(mesh: Mesh, axes: Floats) -> tuple[Surface, Surface]:
     """
     if mesh.element.dimension != 3:
         raise InputError(f"expected hexes to load, got {mesh.element_type}")
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
-    grid = np.stack(np.meshgrid(points, points, indexing="ij"), axis=-1).reshape(-1, 2)
     faces = mesh.boundary()
     own = np.array(ELEMENTS[mesh.element.side_name].vertices) / 2
-    at_gauss = Surface(mesh, axes, faces, (grid + 1) / 2, np.outer(weights, weights).ravel() / 4)
-    return at_gauss, Surface(mesh, axes, faces, own, None)
+    at, weights = _samples(len(faces))
+    body = mesh if body is None else body
+    return Surface(mesh, axes, faces, at, weights, body), Surface(mesh, axes, faces, own, None, body)
+
+
+def _samples(n_faces: int) -> tuple[Floats, Floats]:
+    """Parameters (s, 2) in 0..1 and weights (s,) of the samples of a face."""
+    parts = int(np.clip(np.sqrt(_SAMPLES / (_POINTS**2 * max(n_faces, 1))), 1, _MOST_PARTS))
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    along = ((np.arange(parts)[:, None] + (points + 1) / 2) / parts).ravel()
+    shares = np.tile(weights / 2 / parts, parts)
+    grid = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid, np.outer(shares, shares).ravel()
 
 
 class Part(Protocol):
@@ -226,8 +244,8 @@ class Cap:
         """Hold between the outermost point and the depth below it."""
         towards = np.array(self.towards) * surface.axes / np.linalg.norm(self.towards)
         height = surface.points_mm @ towards
-        top = float((towards @ surface.mesh.planes.astype(np.float64)).max())
-        depth = self.depth * (width_mm(surface.mesh) if self.of_width else 1.0)
+        top = float((towards @ surface.body.planes.astype(np.float64)).max())
+        depth = self.depth * (width_mm(surface.body) if self.of_width else 1.0)
         inside = height >= top - depth - _rounding(surface)
         if self.within_deg is None:
             return np.asarray(inside)
@@ -247,5 +265,5 @@ def _distance(surface: Surface, point_mm: Sequence[float]) -> Floats:
 
 
 def _rounding(surface: Surface) -> float:
-    """What the mesh's coordinates may be off by, mm."""
-    return 4 * float(np.finfo(surface.mesh.points.dtype).eps) * float(np.abs(surface.mesh.points).max())
+    """What the mesh's coordinates may be off by, and points that shape functions make of them, mm."""
+    return 32 * float(np.finfo(surface.mesh.points.dtype).eps) * float(np.abs(surface.mesh.points).max())

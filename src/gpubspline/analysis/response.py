@@ -56,6 +56,7 @@ class Response:
             "max_von_mises_mpa": found.max_von_mises_mpa,
             "max_von_mises_is": found.definition,
             "max_von_mises_at_mm": found.max_at_mm.tolist(),
+            "max_von_mises_at_point_mpa": found.max_at_point_mpa,
             "max_von_mises_anywhere_mpa": found.max_anywhere_mpa,
             "p99_von_mises_mpa": found.p99_von_mises_mpa,
             "p99_von_mises_is": PERCENTILE,
@@ -75,8 +76,12 @@ def respond(
     modulus: str = "graded",
     formulation: str = "full",
     tolerance: float = TOLERANCE,
+    body: Mesh | None = None,
 ) -> Response:
     """Solve a mesh of hexes with the nodal fields ``E_MPa`` and ``nu`` under a load case.
+
+    ``body`` is the mesh that ``assemble`` measures regions by, and about whose nodes stress is averaged; it is ``mesh``
+    itself unless given.
 
     Raises
     ------
@@ -84,7 +89,7 @@ def respond(
     SolveError where the residual does not reach the tolerance.
     """
     with clock.stage("load"):
-        loads = assemble(case, mesh)
+        loads = assemble(case, mesh, body)
     with clock.stage("solve"):
 
         def show(_iterations: int, residual: float) -> None:
@@ -96,7 +101,8 @@ def respond(
         given: dict[str, Any] = {"prescribed_mm": loads.prescribed_mm, "tolerance": tolerance}
         solution = solve(mesh, loads.fixed, loads.forces_n, **given, **how, device=device, progress=show)
     with clock.stage("stress"):
-        where: dict[str, Any] = {"gripped": loads.gripped, "away_mm": loads.away_mm}
+        where: dict[str, Any] = {"gripped": loads.gripped, "away_mm": loads.away_mm, "averaged_mm": case.averaged_mm}
+        where["centres_mm"] = None if body is None else body.points
         stress = recover(mesh, solution.displacement_mm, **how, **where)
         moved = zip("xyz", solution.displacement_mm.T, strict=True)
         fields = {f"displacement_mm_{axis}": np.ascontiguousarray(values) for axis, values in moved}
