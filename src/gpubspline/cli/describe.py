@@ -100,6 +100,11 @@ def quality_lines(mesh: Mesh, quality: Quality) -> list[str]:
     return [f"{mesh.n_elements:,} {mesh.element_type}", text_histogram(quality), "worst elements", *worst]
 
 
+def kind(counted: Any) -> str:
+    """Number and type of the elements of a mesh or its tally."""
+    return f"{counted.n_elements:,} {counted.element_type}"
+
+
 def wrote(paths: list[Path]) -> list[str]:
     """What was written, if anything."""
     return ["wrote      " + ", ".join(str(path) for path in paths)] if paths else []

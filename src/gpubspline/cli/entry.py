@@ -7,6 +7,7 @@ from typing import NoReturn
 import typer
 
 from gpubspline.cli import commands as commands
+from gpubspline.cli import warned
 from gpubspline.cli.app import USAGE_ERROR, app
 from gpubspline.errors import GpubsplineError, GpubsplineWarning
 
@@ -15,7 +16,8 @@ def main() -> None:
     """Run the command line; whatever is wrong with the input is one line on stderr and exit status 2."""
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GpubsplineWarning)
-    warnings.showwarning = _warn
+    warnings.showwarning = warned.warn
+    warned.forget()
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except USAGE_ERROR as error:
@@ -31,14 +33,6 @@ def main() -> None:
     raise SystemExit(status if isinstance(status, int) else 0)
 
 
-def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    typer.echo(f"gpubspline: warning: {_one_line(str(message))}", err=True)
-
-
 def _fail(message: str, status: int = 2) -> NoReturn:
-    typer.echo(f"gpubspline: error: {_one_line(message)}", err=True)
+    typer.echo(f"gpubspline: error: {warned.one_line(message)}", err=True)
     raise SystemExit(status)
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())

@@ -1,5 +1,6 @@
 """The mesh that a command works on: a mesh file, or made of a model file or a CT."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,16 @@ from gpubspline.cli.options import ReadOptions, RegionOptions, SamplingOptions, 
 from gpubspline.errors import InputError
 
 
-def find_solid(
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A mesh, and what is known of how it was made; of a mesh file nothing is."""
+
+    mesh: Any
+    volume: Any = None
+    law: Any = None
+
+
+def find_model(
     source: list[Path],
     read: ReadOptions,
     region: RegionOptions,
@@ -15,7 +25,7 @@ def find_solid(
     sampled: SamplingOptions,
     device: Any,
     clock: Any,
-) -> Any:
+) -> Solid:
     """Read a mesh file, or make the mesh of a model file or a CT."""
     from gpubspline import pipeline
     from gpubspline.export import can_read, read_mesh
@@ -26,7 +36,7 @@ def find_solid(
         if len(source) > 1 or (read, region, spline, sampled) != plain:
             raise InputError(f"expected one mesh file, without options that make a mesh, got {source[0].name} and more")
         with clock.stage("read"):
-            return read_mesh(source[0])
+            return Solid(read_mesh(source[0]))
     if source[0].suffix == ".npz":
         with clock.stage("read"):
             patch, body = load_model(source[0]), None
@@ -34,4 +44,5 @@ def find_solid(
         shaping = spline.shaping(3 if region.slice_index is None else 2)
         fitted = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock)
         patch, body = fitted.fit.patch, fitted.body
-    return pipeline.sample_patch(patch, sampled.sampling(), device, clock, body).mesh
+    model = pipeline.sample_patch(patch, sampled.sampling(), device, clock, body)
+    return Solid(model.mesh, None if body is None else body.volume, model.law)

@@ -55,6 +55,8 @@ QUANTITIES = {
     "E_MPa": Quantity("Young's modulus\nMPa", "viridis", logarithmic=True),
     "density_g_cm3": Quantity("density\ng/cm³", "cividis"),
     "nu": Quantity("Poisson's\nratio", "cividis"),
+    "von_mises_mpa": Quantity("von Mises\nstress MPa", "plasma"),
+    "displacement_mm": Quantity("displacement\nmm", "GnBu"),
     "scaled_jacobian": Quantity("scaled\nJacobian", "RdYlGn", (0.0, 1.0)),
 }
 

@@ -76,7 +76,7 @@ def test_figures_become_words_with_units() -> None:
         "reaction_n": [1.0, -2.5, 0.0],
         "threshold_hu": None,
         "load_case": {"name": "stance", "title": ""},
-        "regions": [{"region": "head", "force_n": [0.0, 0.0, -10.0]}],
+        "parts": [{"part": "head", "force_n": [0.0, 1e-12, -10.0]}],
         "seconds": {"total": 1.0},
     }
     assert figure_rows(figures) == [
@@ -85,7 +85,7 @@ def test_figures_become_words_with_units() -> None:
         ("euler number", "region 0, mesh 2"),
         ("reaction", "(1, -2.5, 0) N"),
         ("load case: name", "stance"),
-        ("regions 1", "region head; force (0, 0, -10) N"),
+        ("parts 1", "part head; force (0, 0, -10) N"),
     ]
     assert [number(v) for v in (1234567, 0.00012, 0.25, 1234.56, 20000.0, True, None, "a")] == [
         *("1,234,567", "1.200e-04", "0.25", "1,235", "20,000", "True", "-", "a"),
@@ -111,7 +111,7 @@ def test_a_large_ct_is_averaged_and_keeps_its_place(box: MakeBox) -> None:
     [
         ({"HU": 1.0}, "page.pdf", r"ends in \.html, got page\.pdf"),
         ({"HU": 1.0}, "none/page.html", "does not exist"),
-        ({}, "page.html", r"expected a mesh with fields to report on \(HU, .*\), got none"),
+        ({}, "page.html", r"expected a mesh with fields to report on \(von_mises_mpa, HU, .*\), got none"),
         ({"weight": 1.0}, "page.html", "got weight"),
     ],
 )

@@ -4,6 +4,7 @@ from gpubspline.cli.options.groups import flattened as flattened
 from gpubspline.cli.options.output import OutputOptions as OutputOptions
 from gpubspline.cli.options.read import ReadOptions as ReadOptions
 from gpubspline.cli.options.region import RegionOptions as RegionOptions
+from gpubspline.cli.options.report import ReportOptions as ReportOptions
 from gpubspline.cli.options.run import RunOptions as RunOptions
 from gpubspline.cli.options.sampling import SamplingOptions as SamplingOptions
 from gpubspline.cli.options.solve import SolveOptions as SolveOptions

@@ -113,10 +113,8 @@ def surface_and_cuts(mesh: Mesh) -> tuple[Faces, list[Cut], str]:
     while count > 3 and sum(len(cut.faces.owners) for cut in cuts) > CUT_FACES:
         count = max(3, count * 2 // 3)
         cuts = _cuts(mesh, middle, inner, count)
-    held = (
-        f"The page holds the surface and cuts at {count} places along each axis, not the {mesh.n_elements:,} elements."
-    )
-    return surface, cuts, f"{held} {said}".strip()
+    of = f"Of {mesh.n_elements:,} elements this page holds the" if count < CUTS else "The page holds the"
+    return surface, cuts, f"{of} surface and cuts at {count} places along each axis. {said}".strip()
 
 
 def _cuts(mesh: Mesh, middle: NDArray[Any], inner: tuple[Integers, Integers, Integers], count: int) -> list[Cut]:

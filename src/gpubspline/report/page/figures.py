@@ -1,6 +1,7 @@
 """Figures of a run as rows of words: names with units from the keys of the summary, numbers to four digits."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 UNITS = {
@@ -19,7 +20,7 @@ UNITS = {
 }
 """Endings of keys and the units that they are."""
 
-ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "unconfirmed")
+ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "regions")
 """Keys that have a section of their own."""
 
 
@@ -56,8 +57,16 @@ def _nested(name: str, key: str, unit: str) -> tuple[str, str]:
 
 def _told(value: Any, unit: str) -> str:
     if isinstance(value, list | tuple):
-        return _with_unit("(" + ", ".join(number(part) for part in value) + ")", unit)
+        return _with_unit(vector(value), unit)
     return _with_unit(number(value), unit if isinstance(value, int | float) else "")
+
+
+def vector(values: Sequence[Any]) -> str:
+    """Write numbers beside each other; what is nothing beside the greatest of them is 0."""
+    sizes = [abs(value) for value in values if isinstance(value, int | float)]
+    least = 1e-9 * max(sizes, default=0.0)
+    kept = [0.0 if isinstance(value, float) and abs(value) < least else value for value in values]
+    return "(" + ", ".join(number(value) for value in kept) + ")"
 
 
 def _with_unit(text: str, unit: str) -> str:

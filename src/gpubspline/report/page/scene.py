@@ -16,11 +16,11 @@ from gpubspline.report.quantity import quantity
 
 Integers = NDArray[Any]
 
-NODAL = ("HU", "E_MPa", "von_mises_mpa", "displacement_mm", "density_g_cm3")
-"""Nodal fields that a page shows, where the mesh has them; ``displacement_mm`` is its length."""
+NODAL = ("von_mises_mpa", "HU", "E_MPa", "displacement_mm", "density_g_cm3")
+"""Nodal fields that a page shows, where the mesh has them, the first at once; ``displacement_mm`` is its length."""
 
-ELEMENTAL = ("scaled_jacobian",)
-"""Element fields that a page shows."""
+ELEMENTAL = ("scaled_jacobian", "E_MPa", "density_g_cm3")
+"""Element fields that a page shows; some mappings of the material give an element one modulus."""
 
 COLOURS = 32
 """Steps of a colour map on the page, between which it interpolates."""
@@ -54,11 +54,12 @@ def scene(mesh: Mesh, quality: Quality | None) -> dict[str, Any]:
     InputError where the mesh has none of the fields that a page shows.
     """
     nodal = nodal_fields(mesh)
-    elemental = {name: mesh.cell_fields[name] for name in ELEMENTAL if name in mesh.cell_fields}
+    elemental = {name: mesh.cell_fields[name] for name in ELEMENTAL if name in mesh.cell_fields and name not in nodal}
     if not nodal and not elemental:
         wanted, got = ", ".join([*NODAL, *ELEMENTAL]), ", ".join([*mesh.fields, *mesh.cell_fields]) or "none"
         raise InputError(f"expected a mesh with fields to report on ({wanted}), got {got}")
-    shown = _collect(mesh, quality)
+    whole = quality is None or quality.n_elements == mesh.n_elements
+    shown = _collect(mesh, quality if whole else None)
     used, corners = np.unique(shown.faces.nodes, return_inverse=True)
     placed = [quantise(mesh.points[used, axis]) for axis in range(3)]
     middle = [_steps(centroids(mesh)[shown.faces.owners[: shown.surface], a], *placed[a][1:]) for a in range(3)]
@@ -79,7 +80,7 @@ def scene(mesh: Mesh, quality: Quality | None) -> dict[str, Any]:
         "worst": shown.worst,
         "flat": mesh.element.dimension == 2,
         "outline": pack(_outline(mesh, used)) if mesh.element.dimension == 2 else None,
-        "note": shown.note,
+        "note": shown.note if whole else f"Written in slabs: a coarser one of {mesh.n_elements:,} elements is shown.",
     }
 
 

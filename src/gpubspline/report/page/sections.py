@@ -5,13 +5,14 @@ from html import escape
 from itertools import groupby
 from typing import Any
 
+from gpubspline.material.alarms import MASS_TOLERANCE
 from gpubspline.material.density import DensityRelation
 from gpubspline.material.laws import Law
 from gpubspline.mesh.quality import Quality
 from gpubspline.report.page import charts
 from gpubspline.report.page.account import Account, Table
 from gpubspline.report.page.charts import percent
-from gpubspline.report.page.figures import figure_rows, number
+from gpubspline.report.page.figures import figure_rows, number, vector
 
 MOST_CHANGED = 0.1
 """Share of nodes outside a law from which a report warns of it."""
@@ -19,17 +20,37 @@ MOST_CHANGED = 0.1
 
 def warning_lines(account: Account) -> list[str]:
     """What the user was warned of, and what the figures call for."""
-    said, figures, quality = list(account.warnings), account.figures, account.quality
+    said, quality = list(account.warnings), account.quality
     if quality is not None and quality.inverted:
         said.append(f"{quality.inverted:,} of {quality.n_elements:,} elements are inverted: no solver takes them.")
     if quality is not None and quality.fraction_below_0_1 > 0.01:
         said.append(f"{percent(quality.fraction_below_0_1)} of the elements have a scaled Jacobian below 0.1.")
-    outside, nodes = figures.get("out_of_range_nodes"), figures.get("nodes")
-    if outside and nodes and outside > MOST_CHANGED * nodes:
-        policy = (figures.get("law") or {}).get("out_of_range_policy") or "changed"
-        said.append(f"{percent(outside / nodes)} of the nodes have HU outside the law: {policy}.")
+    said += _alarm_lines(account.figures)
     for law in account.laws:
         said += [f"Law {law.name}, not confirmed from its source: {part}." for part in law.all_unconfirmed]
+    return said
+
+
+def _alarm_lines(figures: dict[str, Any]) -> list[str]:
+    """What the figures of a mapping and of the elements' validity call for."""
+    said, alarms = [], figures.get("alarms") or {}
+    outside, of = alarms.get("outside_law"), alarms.get("of", "nodes")
+    if outside is None and figures.get("out_of_range_nodes") and figures.get("nodes"):
+        outside = figures["out_of_range_nodes"] / figures["nodes"]
+    if outside and outside > MOST_CHANGED:
+        policy = (figures.get("law") or {}).get("out_of_range_policy") or "changed"
+        said.append(f"{percent(outside)} of the {of} have HU outside the law: {policy}.")
+    if (alarms.get("beyond_specimens") or 0) > MOST_CHANGED:
+        said.append(
+            f"{percent(alarms['beyond_specimens'])} of the {of} have a density that no specimen of the law had."
+        )
+    off = (alarms.get("mass_g") or {}).get("difference")
+    if off is not None and abs(off) > MASS_TOLERANCE:
+        said.append(
+            f"The mass of the mesh is {100 * abs(off):.1f} % {'above' if off > 0 else 'below'} that of the voxels."
+        )
+    if figures.get("certified_valid") is False:
+        said.append("The Jacobian determinant is not certified to be positive throughout every element.")
     return said
 
 
@@ -78,7 +99,7 @@ def chart_section(account: Account, nodal: dict[str, Any]) -> str:
     names = {
         "HU": "HU of the nodes",
         "E_MPa": "Young's modulus of the nodes",
-        "von_mises_mpa": "Von Mises of the nodes",
+        "von_mises_mpa": "Von Mises stress of the nodes",
     }
     drawn += [(title, charts.distribution(name, nodal[name]), "") for name, title in names.items() if name in nodal]
     drawn = [(curve.title, charts.curve_chart(curve), curve.note) for curve in account.curves] + drawn
@@ -92,27 +113,47 @@ def _spread(quality: Quality) -> str:
     return f"least {quality.min:.3f}, mean {quality.mean:.3f}, {quality.inverted:,} inverted"
 
 
-def worst_section(quality: Quality | None) -> str:
-    """The worst elements; a click on a row shows the element."""
+def worst_section(account: Account) -> str:
+    """The worst elements; a click on a row shows the element, where the mesh shown has it."""
+    quality = account.quality
     if quality is None:
         return ""
-    rows = "".join(
-        f'<tr tabindex="0" data-worst="{place}"><td>{element + 1:,}</td><td>{value:.4f}</td>'
-        f"<td>{', '.join(f'{mm:.1f}' for mm in at)}</td></tr>"
-        for place, (element, value, at) in enumerate(
-            zip(quality.worst, quality.worst_values, quality.worst_centroids_mm, strict=True)
-        )
-    )
+    shown = quality.n_elements == account.mesh.n_elements
+    rows = []
+    listed = zip(quality.worst, quality.worst_values, quality.worst_centroids_mm, strict=True)
+    for place, (element, value, at) in enumerate(listed):
+        opens = f'<tr tabindex="0" data-worst="{place}">' if shown else "<tr>"
+        where = ", ".join(f"{mm:.1f}" for mm in at)
+        rows.append(f"{opens}<td>{element + 1:,}</td><td>{value:.4f}</td><td>{where}</td></tr>")
     head = "<tr><th>element</th><th>scaled Jacobian</th><th>at x, y, z (mm)</th></tr>"
     return (
-        '<section id="worst"><h2>Worst elements</h2><p class="hint">Click a row to see the element.</p>'
-        f"<table><thead>{head}</thead><tbody>{rows}</tbody></table></section>"
+        f'<section id="worst"><h2>Worst elements</h2><p class="hint">{"Click a row to see it." if shown else ""}</p>'
+        f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></section>"
     )
 
 
-def own_tables(tables: Sequence[Table]) -> str:
-    """Tables of the command's own."""
-    return "".join(_own_table(table) for table in tables)
+def own_tables(account: Account) -> str:
+    """Tables of the command's own, and of where a load case acts."""
+    acting = account.figures.get("regions")
+    loads = [_load_table(acting, account.figures.get("load_case") or {})] if acting else []
+    return "".join(_own_table(table) for table in [*account.tables, *loads])
+
+
+def _load_table(acting: Sequence[dict[str, Any]], case: dict[str, Any]) -> Table:
+    """Where a load case acts, of the figures of ``analysis.response``."""
+    rows = [
+        (
+            part["region"],
+            part["kind"],
+            vector(part["force_n"]),
+            part["area_mm2"],
+            part["nodes"],
+            vector(part["centre_mm"]),
+        )
+        for part in acting
+    ]
+    columns = ("region", "kind", "force x, y, z (N)", "area (mm²)", "nodes", "centre x, y, z (mm)")
+    return Table(f"Load case {case.get('name', '')}".strip(), columns, rows, case.get("source") or "")
 
 
 def _own_table(table: Table) -> str:

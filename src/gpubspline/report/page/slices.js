@@ -3,9 +3,14 @@ async function makeSlices(ct, body, outline) {
   const grey = await unpack(ct.grey), index = indices(ct.affine, body.mm);
   const [ni, nj] = ct.shape, strides = [1, ni, ni * nj];
   const spacing = [0, 1, 2].map((a) => Math.hypot(...[0, 1, 2].map((x) => ct.affine[x][a])));
-  const trio = document.querySelector(".trio");
-  const draws = ct.views.map((view) => {
+  document.getElementById("slices").hidden = ct.views.length === 0;
+  const trio = document.querySelector(".trio"); // all at one scale: as wide as they are in mm
+  const size = ct.views.map((view) => [view.right, view.up].map((axis) => ct.shape[axis] * spacing[axis]));
+  const total = size.reduce((t, [wide]) => t + wide, 0), tallest = Math.max(...size.map(([, high]) => high));
+  trio.style.setProperty("--shape", total / tallest);
+  ct.views.forEach((view, place) => {
     const figure = document.createElement("figure");
+    figure.style.flex = `${size[place][0]} 1 0`;
     const [canvas, slider, caption] = ["canvas", "input", "figcaption"].map((tag) => figure.appendChild(document.createElement(tag)));
     canvas.dataset.view = slider.dataset.view = view.name;
     Object.assign(slider, { type: "range", min: 0, max: ct.shape[view.across] - 1, value: bestSlice(body, index[view.across], ct.shape[view.across]) });
@@ -20,9 +25,7 @@ async function makeSlices(ct, body, outline) {
     };
     slider.addEventListener("input", draw);
     draw();
-    return draw;
   });
-  document.getElementById("slices").hidden = draws.length === 0;
   document.getElementById("sliceNote").textContent = `Grey runs from ${ct.window[0]} to ${ct.window[1]} HU. ${ct.note}`;
 }
 
@@ -37,6 +40,8 @@ function indices(affine, mm) {
   return [0, 1, 2].map((axis) => Float32Array.from(mm[0], (_, n) =>
     [0, 1, 2].reduce((t, x) => t + (minor(x, axis) / det) * (mm[x][n] - affine[x][3]), 0)));
 }
+
+const perPixel = (canvas) => canvas.width / (canvas.clientWidth || canvas.width); // of the screen
 
 function bestSlice(body, along, count) {
   let total = 0;
@@ -60,7 +65,7 @@ function drawSlice(canvas, view, ct, n, value, spacing) {
   const pen = canvas.getContext("2d");
   pen.imageSmoothingEnabled = true;
   pen.drawImage(flat, 0, 0, canvas.width, canvas.height);
-  pen.font = "600 22px system-ui, sans-serif";
+  pen.font = `600 ${14 * perPixel(canvas)}px system-ui, sans-serif`;
   pen.fillStyle = "#ffd54f";
   const [left, right, top, bottom] = view.letters, { width: w, height: h } = canvas;
   for (const [letter, x, y, align, line] of [[left, 8, h / 2, "left", "middle"], [right, w - 8, h / 2, "right", "middle"],
@@ -100,7 +105,7 @@ function drawOutline(canvas, view, ct, lines) {
   const pen = canvas.getContext("2d"), [wide, high] = [ct.shape[view.right], ct.shape[view.up]];
   const x = (v) => (((view.flipRight ? wide - 1 - v : v) + 0.5) * canvas.width) / wide;
   const y = (v) => (((view.flipUp ? high - 1 - v : v) + 0.5) * canvas.height) / high;
-  pen.lineWidth = 2.2;
+  pen.lineWidth = 1.4 * perPixel(canvas);
   pen.strokeStyle = "#4fc3f7";
   pen.beginPath();
   for (const [[a, b], [c, d]] of lines) {

@@ -1,0 +1,100 @@
+"""The command and every option in force, told without paths and identifiers, which may lead to a patient."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from gpubspline.report.page import Setting
+
+ENDINGS = re.compile(
+    r"(\.nii\.gz|\.(nii|nrrd|nhdr|mha|mhd|npy|npz|dcm|json|toml|csv|html|png|inp|feb|bdf|cdb|rad|k|msh|xdmf|vtk|vtu|vts"
+    r"|vtkhdf|vtp|stl|obj|ply|off))$",
+    re.IGNORECASE,
+)
+"""Endings of file names that say what a file is."""
+
+HIDDEN = {"series": "SERIES"}
+"""Options whose value identifies a patient, and what stands for it."""
+
+
+def command(context: typer.Context) -> str:
+    """Give what was typed: inputs and files by their kind, options as they were given."""
+    words = ["gpubspline", str(context.info_name)]
+    for parameter in context.command.params:
+        if not _given(context, parameter.name):
+            continue
+        value = context.params[parameter.name]
+        if parameter.param_type_name == "argument":
+            words.append(_argument(parameter.name, value))
+        elif value is True:
+            words.append(parameter.opts[0])
+        else:
+            words += [part for each in _each(value) for part in (parameter.opts[0], _told(parameter, each))]
+    return " ".join(words)
+
+
+def settings(context: typer.Context) -> list[Setting]:
+    """List every option in force, a panel of the help after the other."""
+    found = []
+    for parameter in context.command.params:
+        if parameter.param_type_name == "argument" or parameter.name in (None, "help"):
+            continue
+        value = context.params.get(parameter.name)
+        text = ", ".join(_told(parameter, each) for each in _each(value)) or _default(parameter)
+        panel = getattr(parameter, "rich_help_panel", None) or "Options"
+        found.append(Setting(str(panel), parameter.opts[0], text, _given(context, parameter.name)))
+    order = list(dict.fromkeys(setting.panel for setting in found))
+    return sorted(found, key=lambda setting: order.index(setting.panel))
+
+
+def without_paths(text: str, context: typer.Context) -> str:
+    """Take the paths of a run, and the names of their files, out of a text."""
+    paths = [Path(each) for value in context.params.values() for each in _each(value) if _is_path(each)]
+    names = {
+        name for path in paths for name in (str(path), str(path.absolute()), path.name, path.stem) if len(name) > 1
+    }
+    for name in sorted(names, key=len, reverse=True):
+        text = text.replace(name, "FILE")
+    return text
+
+
+def _is_path(value: Any) -> bool:
+    return isinstance(value, Path) or (isinstance(value, str) and ENDINGS.search(value) is not None)
+
+
+def _given(context: typer.Context, name: str | None) -> bool:
+    source = context.get_parameter_source(name) if name else None
+    return source is not None and source.name not in ("DEFAULT", "DEFAULT_MAP")
+
+
+def _argument(name: str, value: Any) -> str:
+    inputs = [each for each in _each(value) if _is_path(each)]
+    return " ".join(["INPUT" if name == "source" else _file(each) for each in inputs] or map(str, _each(value)))
+
+
+def _told(parameter: Any, value: Any) -> str:
+    if parameter.name in HIDDEN:
+        return HIDDEN[parameter.name]
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return _file(value) if _is_path(value) else str(value)
+
+
+def _file(path: Any) -> str:
+    ending = ENDINGS.search(str(path))
+    return "FILE" + (ending.group(0).lower() if ending else "")
+
+
+def _each(value: Any) -> Iterable[Any]:
+    if value is None:
+        return []
+    return value if isinstance(value, list | tuple) else [value]
+
+
+def _default(parameter: Any) -> str:
+    """What the help says of the default, where it is chosen by the data."""
+    said = re.search(r"\(default: ([^()]*(?:\([^()]*\))?[^()]*)\)", str(getattr(parameter, "help", "") or ""))
+    return said.group(1) if said else "-"
