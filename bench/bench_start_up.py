@@ -19,8 +19,10 @@ patch.evaluate_grid([np.linspace(0, 1, 4)] * 3, device)
 """
 
 
-def help_page(host: Host) -> Iterator[Row]:
-    """Time ``gpubspline --help``."""
+def without_kernels(host: Host) -> Iterator[Row]:
+    """Time the interpreter alone, ``import gpubspline`` and ``gpubspline --help``."""
+    yield Row("start-up", "python", "host", _seconds("-c", ""), 1)
+    yield Row("start-up", "import gpubspline", "host", _seconds("-c", "import gpubspline"), 1)
     yield Row("start-up", "gpubspline --help", "host", _seconds("-m", "gpubspline", "--help"), 1)
 
 

@@ -47,7 +47,7 @@ ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {
     "write-vtu": bench_write.vtu,
     "write-vts": bench_write.vts,
     "read-dicom": bench_read.rows,
-    "start-up": bench_start_up.help_page,
+    "start-up": bench_start_up.without_kernels,
     "scale": bench_scale.rows,
 }
 NAMES = tuple(dict.fromkeys((*ON_DEVICES, *ON_HOST)))

@@ -7,11 +7,14 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import RunOptions
+from gpubspline.cli.options.groups import completion
+
+PHANTOMS = "child-femur|adult-femur|head"
 
 
 @app.command()
 def phantom(
-    name: Annotated[str, typer.Argument(metavar="child-femur|adult-femur|head", show_default=False)],
+    name: Annotated[str, typer.Argument(metavar=PHANTOMS, show_default=False, autocompletion=completion(PHANTOMS))],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="new folder of the series", show_default=False)],
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="print errors only")] = False,
 ) -> None:

@@ -33,6 +33,32 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def option(panel: str, text: str, *names: str, metavar: str | None = None, show_default: bool = True) -> Any:
-    """Declare an option in a panel of the help; its name is the field's unless ``names`` say otherwise."""
-    return typer.Option(*names, help=text, metavar=metavar, rich_help_panel=panel, show_default=show_default)
+def option(
+    panel: str,
+    text: str,
+    *names: str,
+    metavar: str | None = None,
+    show_default: bool = True,
+    complete: Callable[[str], list[str]] | None = None,
+) -> Any:
+    """Declare an option in a panel of the help; its name is the field's unless ``names`` say otherwise.
+
+    The shell completes it by ``complete``, or to the words that the metavar lists.
+    """
+    shown: dict[str, Any] = {"metavar": metavar, "rich_help_panel": panel, "show_default": show_default}
+    return typer.Option(*names, help=text, autocompletion=complete or completion(metavar), **shown)
+
+
+def completion(metavar: str | None) -> Callable[[str], list[str]] | None:
+    """Words of a metavar such as ``auto|warp|opencl`` that begin as what is typed; None where it lists none."""
+    words = [word for word in (metavar or "").split("|") if word == word.lower()]
+    if len(words) < 2:
+        return None
+    return lambda incomplete: [word for word in words if word.startswith(incomplete)]
+
+
+def complete_law(incomplete: str) -> list[str]:
+    """Names of the registry that begin as what is typed."""
+    from gpubspline.material.registry import laws
+
+    return [name for name in laws() if name.startswith(incomplete)]

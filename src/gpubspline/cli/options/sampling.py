@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.groups import complete_law, option
 from gpubspline.cli.options.texts import integers
 
 
@@ -18,7 +18,13 @@ class SamplingOptions:
     order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
     element: Annotated[str | None, option("Mesh", "element type instead, such as hex27", metavar="TYPE")] = None
     law: Annotated[
-        str | None, option("Material", "see 'gpubspline laws' (default: wirtz-2000)", metavar="NAME|FILE.toml")
+        str | None,
+        option(
+            "Material",
+            "see 'gpubspline laws' (default: wirtz-2000)",
+            metavar="NAME|FILE.toml",
+            complete=complete_law,
+        ),
     ] = None
     out_of_range: Annotated[str, option("Material", "HU that the law does not cover", metavar="clamp|floor|error")] = (
         "clamp"
