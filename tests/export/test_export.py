@@ -16,7 +16,8 @@ from gpubspline.mesh.mesh import Mesh
 
 OTHER = {e: (f.element_types, f.fields, f.cell_fields) for f in FORMATS for e in f.extensions}
 WHOLE = {extension: (MESHABLE, True, True) for extension in (".vtu", ".vtkhdf")}
-HELD = {**WHOLE, ".vts": (("quad4", "hex8"), True, True), **OTHER}
+DECKS = {".msh": (MESHABLE, True, True), ".bdf": (("quad4", "quad8", "hex8", "hex20"), False, False)}
+HELD = {**WHOLE, ".vts": (("quad4", "hex8"), True, True), **DECKS, **OTHER}
 CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
 REFUSED = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in MESHABLE if kind not in kinds]
 
@@ -83,7 +84,7 @@ def test_elements_that_a_format_cannot_hold_are_refused(extension, element_type,
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("extension", [".avs", ".bdf", ".ply"])
+@pytest.mark.parametrize("extension", [".avs", ".mdpa", ".ply"])
 def test_fields_that_a_format_cannot_hold_are_named(extension, tmp_path):
     kind = "quad4" if extension == ".ply" else "hex8"
     with pytest.warns(GpubsplineWarning, match="scaled_jacobian, material: left out"):
@@ -131,18 +132,6 @@ def test_vtk_reads_ply(tmp_path):
     grid = pyvista.read(tmp_path / "model.ply")
     np.testing.assert_allclose(grid.points, mesh.points, atol=1e-5)
     np.testing.assert_array_equal(grid.faces.reshape(-1, 5)[:, 1:], mesh.cells)
-
-
-def test_nastran_has_its_own_order_of_twenty(tmp_path):
-    """CHEXA of 20: midway along the bottom, then the uprights, then the top (NX Nastran quick reference)."""
-    mesh = model("hex20", (2, 2, 2))
-    write_quietly(mesh, tmp_path / "model.bdf")
-    rows = [line for line in (tmp_path / "model.bdf").read_text().splitlines() if line.startswith(("CHEXA", "+"))]
-    # the first row holds name, label and an empty property, the others a mark of continuation, eight wide each
-    fields = [row[first : first + 8].strip() for row in rows for first in range(8, len(row), 8)]
-    numbers = [int(field) for field in fields if field.isdigit()][1:]
-    expected = mesh.cells[0, [*range(12), 16, 17, 18, 19, 12, 13, 14, 15]] + 1
-    assert numbers == expected.tolist()
 
 
 @pytest.mark.parametrize("element_type", MESHABLE)
@@ -234,16 +223,17 @@ def test_an_error_while_writing_leaves_nothing(name, owner, step, tmp_path, monk
 
 
 def test_nothing_is_printed(tmp_path, capfd):
-    for extension in [e for e in extensions() if e not in (".xdmf", ".xmf", ".vtkhdf")]:
+    for extension in [e for e in extensions() if e not in (".xdmf", ".xmf", ".vtkhdf", ".med")]:
         kind = "quad4" if extension in (".obj", ".ply") else "hex8"
         write_quietly(model(kind), tmp_path / f"model{extension}")
-        read_mesh(tmp_path / f"model{extension}")
+        if can_read(f"model{extension}"):
+            read_mesh(tmp_path / f"model{extension}")
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    for extension in (".xdmf", ".vtkhdf"):
+    for extension in (".xdmf", ".vtkhdf", ".med"):
         with pytest.raises(InputError, match=f"which {extension} files need, to be installed: pip install h5py"):
             check_extension(tmp_path / f"model{extension}")
     (tmp_path / "model.vtkhdf").touch()

@@ -60,7 +60,8 @@ def check_extension(path: str | Path) -> None:
 
 def can_read(path: str | Path) -> bool:
     """Whether ``read_mesh`` knows the extension of ``path``."""
-    return Path(path).suffix.lower() in _by_extension()
+    form = _by_extension().get(Path(path).suffix.lower())
+    return form is not None and form.readable
 
 
 def write(

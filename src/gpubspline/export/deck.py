@@ -27,6 +27,9 @@ from gpubspline.mesh.mesh import Mesh
 DEFAULT_BINS = 100
 """Element sets by modulus where a format has nothing better and none are asked for."""
 
+LONGEST_NAME = 24
+"""Characters; ANSYS and Exodus take 32, of which numbers and endings want some."""
+
 Floats = NDArray[np.float64]
 Kept = TypeVar("Kept")
 
@@ -111,18 +114,29 @@ class Deck:
         return {name: members for name, members in self.mesh.element_sets.items() if name not in own}
 
     @property
-    def with_load_fields(self) -> Mesh:
-        """The mesh, its load case as nodal fields ``force_n_x``, ``support_x`` and, if any, ``prescribed_mm_x``."""
-        if self.loads is None:
-            return self.mesh
-        fields: dict[str, NDArray[Any]] = {}
-        for place, axis in enumerate("xyz"):
-            fields[f"force_n_{axis}"] = np.ascontiguousarray(self.loads.all_forces[:, place])
-            fields[f"support_{axis}"] = self.loads.fixed[:, place].astype(np.int32)
+    def with_all_fields(self) -> Mesh:
+        """The mesh with what formats of fields hold as such: the load case by node and the sections by element.
+
+        They are ``force_n_x``, ``support_x`` and, if any is moved, ``prescribed_mm_x``; ``section_E_MPa``,
+        ``section_nu`` and ``section_density_tonne_mm3``, in the deck's units.
+        """
+        by_node: dict[str, NDArray[Any]] = {}
+        for place, axis in enumerate("xyz" if self.loads is not None else ""):
+            assert self.loads is not None
+            by_node[f"force_n_{axis}"] = np.ascontiguousarray(self.loads.all_forces[:, place])
+            by_node[f"support_{axis}"] = self.loads.fixed[:, place].astype(np.int32)
             if self.loads.prescribed.any():
                 name = f"prescribed_{self.units.length}_{axis}"
-                fields[name] = np.ascontiguousarray(self.loads.prescribed[:, place])
-        return self.mesh.with_fields(fields)
+                by_node[name] = np.ascontiguousarray(self.loads.prescribed[:, place])
+        names = {"modulus": f"E_{self.units.stress}", "poisson": "nu", "density": f"density_{self.units.density}"}
+        by_element = {f"section_{name}": self._spread(key) for key, name in names.items() if self.sections}
+        return self.mesh.with_fields(by_node).with_cell_fields(by_element)
+
+    def _spread(self, key: str) -> Floats:
+        field = np.zeros(self.mesh.n_elements)
+        for section in self.sections:
+            field[section.members] = getattr(section, key) or 0.0
+        return field
 
     def comment_lines(self, width: int) -> list[str]:
         """Lines of the comments."""
@@ -198,7 +212,7 @@ def _named(own: Mapping[str, Kept], added: Mapping[str, Kept]) -> dict[str, Kept
 
 
 def _free(name: str, taken: Iterable[str]) -> str:
-    name = name if name[:1].isalpha() else f"set_{name}"
+    name = (name if name[:1].isalpha() else f"set_{name}")[:LONGEST_NAME]
     used, number, free = {other.lower() for other in taken}, 1, name
     while free.lower() in used:
         number, free = number + 1, f"{name}_{number + 1}"

@@ -29,6 +29,7 @@ class Format:
     sets: whether it holds node and element sets.
     fields, cell_fields: whether it holds nodal and element fields of any name.
     needs: a package that it wants, which does not come with this one.
+    readable: whether ``read_mesh`` reads it back.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Format:
     fields: bool = False
     cell_fields: bool = False
     needs: str = ""
+    readable: bool = True
 
     def check_needs(self, known: str) -> None:
         """Raise InputError, for a format ``known`` by this, where the package that it needs is not installed."""

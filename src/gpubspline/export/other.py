@@ -27,7 +27,7 @@ def write(deck: Deck, path: Path, form: Format, name: str, options: Mapping[str,
     """
     import meshio
 
-    mesh = deck.with_load_fields if form.loads else deck.mesh
+    mesh = deck.with_all_fields if form.loads else deck.mesh
     kept = replace(
         mesh,
         fields=mesh.fields if form.fields else {},
@@ -60,7 +60,6 @@ def _format(
 FORMATS = (
     # VTK does not know the integers of meshio's 5.1
     _format("vtk42", (".vtk",), MESHABLE, fields=True, cell_fields=True),
-    _format("gmsh", (".msh",), MESHABLE, fields=True, cell_fields=True),
     # meshio's other way to write XDMF, HDF5, makes a second file that holds the data
     _format(
         "xdmf",
@@ -73,7 +72,6 @@ FORMATS = (
     ),
     _format("tecplot", (".dat", ".tec"), STRAIGHT, fields=True, cell_fields=True),
     _format("avsucd", (".avs",), STRAIGHT, fields=True),
-    _format("nastran", (".bdf", ".nas", ".fem"), ("quad4", "quad8", "hex8", "hex20")),
     _format("mdpa", (".mdpa",), STRAIGHT),
     _format("medit", (".mesh", ".meshb"), STRAIGHT),
     _format("flac3d", (".f3grid",), ("hex8",)),

@@ -94,7 +94,11 @@ def _read_by_meshio(path: Path) -> Mesh:
     name = _choose_type(path, given)
     kind = ELEMENTS[name].meshio_name
     blocks = [number for number, block in enumerate(given.cells) if block.type == kind]
-    others = sorted({block.type for block in given.cells if block.type != kind and block.type != "vertex"})
+    grouped = _grouped(given)
+    others = sorted(
+        {block.type for number, block in enumerate(given.cells) if block.type not in (kind, "vertex")}
+        - {given.cells[number].type for number in grouped}
+    )
     if others:
         warnings.warn(f"{path.name}: left out cells of {', '.join(others)}", GpubsplineWarning, stacklevel=3)
     points = np.asarray(given.points)
@@ -104,9 +108,9 @@ def _read_by_meshio(path: Path) -> Mesh:
         points,
         name,
         connectivity=np.concatenate([given.cells[number].data for number in blocks]),
-        fields=_scalars(given.point_data),
-        cell_fields=_scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in given.cell_data.items()}),
-        node_sets={name: np.asarray(members, dtype=np.int32) for name, members in given.point_sets.items()},
+        fields=_scalars(_own(given.point_data)),
+        cell_fields=_scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in _own(given.cell_data).items()}),
+        node_sets=_node_sets(given),
         element_sets=_element_sets(given, blocks),
     )
 
@@ -147,10 +151,37 @@ def _scalars(data: dict[str, Any]) -> dict[str, NDArray[Any]]:
     return scalars
 
 
+def _own(data: dict[str, Any]) -> dict[str, Any]:
+    """Without what meshio says of Gmsh's entities."""
+    return {name: values for name, values in data.items() if not name.startswith("gmsh:")}
+
+
+def _grouped(given: Any) -> set[int]:
+    """Blocks of cells that are in a group of a name, as Gmsh has them: surfaces, which are no loss beside the hexes."""
+    sets = [members for name, members in given.cell_sets.items() if name in given.field_data]
+    return {number for members in sets for number, part in enumerate(members) if part is not None and len(part)}
+
+
+def _node_sets(given: Any) -> dict[str, NDArray[np.int32]]:
+    """Point sets, and groups of vertex cells: Gmsh's way, ours ending in ``_nodes`` where a surface has the name."""
+    sets = {name: np.asarray(members, dtype=np.int32) for name, members in given.point_sets.items()}
+    for name, members in given.cell_sets.items():
+        parts = [
+            block.data[np.asarray(part, dtype=np.int64), 0]
+            for block, part in zip(given.cells, members, strict=False)
+            if block.type == "vertex" and part is not None and len(part)
+        ]
+        if parts and name in given.field_data:
+            sets[name.removesuffix("_nodes")] = np.sort(np.concatenate(parts)).astype(np.int32)
+    return sets
+
+
 def _element_sets(given: Any, blocks: list[int]) -> dict[str, NDArray[Any]]:
     first = np.cumsum([0, *(len(given.cells[b].data) for b in blocks)])
     sets = {}
     for name, members in given.cell_sets.items():
+        if name.startswith("gmsh:") or all(members[b] is None or not len(members[b]) for b in blocks):
+            continue
         parts = [np.asarray(members[b], dtype=np.int32) + start for b, start in zip(blocks, first, strict=False)]
         sets[name] = np.concatenate(parts).astype(np.int32)
     return sets

@@ -21,7 +21,7 @@ def write(deck: Deck, path: Path) -> None:
     """Write all fields with the precision they have."""
     import h5py
 
-    mesh = deck.with_load_fields
+    mesh = deck.with_all_fields
     with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
         group = file.create_group("VTKHDF")
         group.attrs["Version"] = (1, 0)

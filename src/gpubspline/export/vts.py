@@ -165,7 +165,7 @@ def write(deck: Deck, path: Path) -> None:
     ------
     InputError for a mesh that is not structured.
     """
-    mesh = deck.with_load_fields
+    mesh = deck.with_all_fields
     if mesh.structure is None:
         raise InputError("expected a structured mesh for .vts, got one with explicit cells; .vtu holds it")
     nodes = (*mesh.structure, 1)[:3][::-1]

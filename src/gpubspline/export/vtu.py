@@ -17,7 +17,7 @@ from gpubspline.mesh.mesh import Mesh
 
 def write(deck: Deck, path: Path) -> None:
     """Write all fields with the precision they have."""
-    mesh = deck.with_load_fields
+    mesh = deck.with_all_fields
     n_entries = mesh.n_elements * mesh.element.n_nodes
     counting = np.dtype(np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64)
     sections = {
