@@ -92,7 +92,7 @@ def control_lattice(
     slices = _slices(stack(region, axis), len(shape), axis, slice_index)
     _check_limits(shape, _limits(slices))
     points = slices.to_points(_lattice_indices(slices.distance_mm, shape, smoothing))
-    hu = _sample(volume, points, ORDERS[interpolation])
+    hu = sample_hu(volume, points, interpolation)
     lattice = np.concatenate([points, hu[..., None]], axis=-1)
     return ControlLattice(lattice if len(shape) == 3 else lattice[:, :, 0])
 
@@ -211,11 +211,13 @@ def _smooth(ends: list[Floats], sigma: float) -> list[Floats]:
     ]
 
 
-def _sample(volume: Volume, points: Floats, order: int) -> Floats:
-    """HU at LPS points, from the part of the volume around them."""
+def sample_hu(volume: Volume, points: Floats, interpolation: str = "linear") -> Floats:
+    """HU (...) at LPS points (..., 3), ``"linear"`` or ``"cubic"``, from the part of the volume around them."""
+    order = ORDERS[interpolation]
     indices = volume.to_indices(points)
-    low = np.maximum(np.floor(indices.min(axis=(0, 1, 2))).astype(int) - CUBIC_MARGIN, 0)
-    high = np.minimum(np.ceil(indices.max(axis=(0, 1, 2))).astype(int) + CUBIC_MARGIN + 1, volume.shape)
+    others = tuple(range(indices.ndim - 1))
+    low = np.maximum(np.floor(indices.min(axis=others)).astype(int) - CUBIC_MARGIN, 0)
+    high = np.minimum(np.ceil(indices.max(axis=others)).astype(int) + CUBIC_MARGIN + 1, volume.shape)
     window = tuple(slice(int(a), int(b)) for a, b in zip(low[::-1], high[::-1], strict=True))
     coordinates = np.moveaxis((indices - low)[..., ::-1], -1, 0)
     part = volume.hu[window] if order == 1 else volume.hu[window].astype(np.float64)
