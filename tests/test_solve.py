@@ -77,6 +77,7 @@ def test_a_pulled_bar_is_its_closed_form(
     np.testing.assert_allclose(found.fields["principal_3_mpa"], 0, atol=1e-6)
     np.testing.assert_allclose(found.fields["strain_energy_density"], 2e-3, rtol=1e-6)
     assert {"stress_xx_mpa", "principal_2_mpa", "E_MPa"} <= found.fields.keys()
+    assert found.structure == (3, 3, 9)  # known from its numbering
     assert figures["unknowns"] == 3 * 81 - 9 - 27 - 27 and 0 < figures["iterations"] < 243
     assert figures["residual"] <= 1e-8 and figures["seconds"]["total"] > 0
     assert figures["max_von_mises_mpa"] == pytest.approx(2, rel=1e-6)
@@ -144,7 +145,7 @@ BROKEN = {
     "empty": (PULL.replace("point_mm = [0, 0, 0], normal = [0, 0, -1]", "point_mm = [0, 0, -9], normal = [0, 0, -1]"),
               "the region 'foot' to catch a part of the surface"),
     "floating": (PULL.replace('"z"', '"x"'), "supports that hold the mesh"),
-    "side": (PULL.replace('region = "end"', 'region = "w1"'), "one of surface, got 'w1'"),
+    "side": (PULL.replace('region = "end"', 'region = "top"'), "one of surface, u0, u1, v0, v1, w0, w1, got 'top'"),
 }  # fmt: skip
 
 

@@ -179,3 +179,21 @@ def test_scikit_fem_measures_the_same(element_type, skfem_type):
     element = skfem.ElementHex1() if element_type == "hex8" else skfem.ElementQuad1()
     ones = skfem.Functional(lambda w: 1.0 + 0 * w.x[0]).assemble(skfem.Basis(other, element, intorder=4))
     assert ones == pytest.approx(mesh.volume_mm3 if element_type == "hex8" else mesh.area_mm2, rel=1e-12)
+
+
+@pytest.mark.parametrize("counts", [(4, 3, 5), (2, 2, 2), (2, 5, 3), (6, 2, 2), (2, 2, 7)])
+@pytest.mark.parametrize("element_type", MESHABLE)
+def test_structure_is_known_from_the_numbering(element_type, counts):
+    """Of any counts; not where an element, a vertex, a node or the order is another."""
+    mesh = lattice_mesh(element_type, counts)
+    element, cells, n = mesh.element, mesh.cells, mesh.n_nodes
+    assert structure.recognise(element, cells, n) == mesh.structure
+    assert structure.recognise(element, cells, n + 1) is None
+    assert structure.recognise(element, cells[:0], 0) is None
+    if len(cells) > 1:
+        assert structure.recognise(element, cells[::-1], n) is None
+        assert structure.recognise(element, cells[:-1], n) is None
+    turned = cells.copy()
+    turned[-1] = np.roll(turned[-1], 1)
+    assert structure.recognise(element, turned, n) is None
+    assert structure.recognise(element, (cells + 1) % n, n) is None

@@ -3,6 +3,7 @@
 import struct
 import warnings
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
@@ -14,6 +15,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import vtkhdf
 from gpubspline.export.quiet import quiet_meshio
 from gpubspline.export.read_appended import StoredGrid, read_appended
+from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
@@ -29,8 +31,9 @@ def read_mesh(path: str | Path) -> Mesh:
 
     Returns
     -------
-    Mesh with explicit cells, every scalar nodal and element field, and node and element sets where the format has
-    them. Fields with several components come back as one field each, ``NAME_0`` and on.
+    Mesh with every scalar nodal and element field, and node and element sets where the format has them. It is
+    structured where its nodes and elements are numbered as those of a structured mesh, else its cells are explicit.
+    Fields with several components come back as one field each, ``NAME_0`` and on.
 
     Raises
     ------
@@ -40,7 +43,15 @@ def read_mesh(path: str | Path) -> Mesh:
     if not path.is_file():
         raise InputError(f"expected a mesh file, got {path}, which is no file")
     mesh = _read_grid(path) if path.suffix.lower() in (".vts", ".vtu", ".vtkhdf") else None
-    return _read_by_meshio(path) if mesh is None else mesh
+    return _recognised(_read_by_meshio(path) if mesh is None else mesh)
+
+
+def _recognised(mesh: Mesh) -> Mesh:
+    """Structured where the numbering tells."""
+    if mesh.connectivity is None:
+        return mesh
+    counts = structure.recognise(mesh.element, mesh.connectivity, mesh.n_nodes)
+    return mesh if counts is None else replace(mesh, structure=counts, connectivity=None)
 
 
 def _read_grid(path: Path) -> Mesh | None:
@@ -64,11 +75,11 @@ def _read_grid(path: Path) -> Mesh | None:
 def _structured(found: StoredGrid) -> Mesh:
     ends = [int(n) for n in found.piece["Extent"].split()]
     counts = tuple(last - first + 1 for first, last in zip(ends[::2], ends[1::2], strict=True))
-    structure = counts if counts[2] > 1 else counts[:2]
+    nodes = counts if counts[2] > 1 else counts[:2]
     return Mesh(
         found.arrays["Points"].popitem()[1],
-        "hex8" if len(structure) == 3 else "quad4",
-        structure=structure,
+        "hex8" if len(nodes) == 3 else "quad4",
+        structure=nodes,
         fields=_scalars(found.arrays.get("PointData", {})),
         cell_fields=_scalars(found.arrays.get("CellData", {})),
     )

@@ -14,6 +14,9 @@ from gpubspline.mesh.elements import Element
 Counts = tuple[int, ...]
 Integers = NDArray[Any]
 
+_CHUNK = 1 << 18
+"""Elements compared at a time, which bounds the memory."""
+
 
 def lattice_counts(element: Element, structure: Counts) -> Counts:
     """Lattice points per direction, midway ones included, of ``structure`` corner nodes per direction."""
@@ -89,3 +92,29 @@ def corner_nodes(element: Element, structure: Counts) -> Integers | None:
         return None
     at = [2 * index for index in np.meshgrid(*(np.arange(n) for n in structure), indexing="ij", sparse=True)]
     return node_numbers(element, structure, at).ravel(order="F")
+
+
+def recognise(element: Element, cells: NDArray[np.int32], n_nodes: int) -> Counts | None:
+    """Structure whose implied elements are ``cells`` (m, k), one by one, and that has ``n_nodes``; None where none is.
+
+    Along a row each element begins where the one before it ends, and so do rows along a layer: how long the first row
+    and the first layer are says what the structure would be.
+    """
+    if not len(cells):
+        return None
+    row = _run(cells[:, 0], cells[:, 1])
+    layer = _run(cells[::row, 0], cells[::row, 3])
+    counts = (row + 1, layer + 1, len(cells) // (row * layer) + 1)[: element.dimension]
+    if count_elements(counts) != len(cells) or count_nodes(element, counts) != n_nodes:
+        return None
+    for first in range(0, len(cells), _CHUNK):
+        elements = np.arange(first, min(first + _CHUNK, len(cells)))
+        if not np.array_equal(cells_of(element, counts, elements), cells[elements]):
+            return None
+    return counts
+
+
+def _run(begins: NDArray[np.int32], ends: NDArray[np.int32]) -> int:
+    """How many from the first on follow each other."""
+    breaks = np.flatnonzero(begins[1:] != ends[:-1])
+    return int(breaks[0]) + 1 if len(breaks) else len(begins)
