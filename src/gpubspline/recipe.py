@@ -24,7 +24,7 @@ class Source:
     path: str | Path | Sequence[str | Path]
     threshold_hu: float | None = None
     mask: Path | None = None
-    label: int | None = None
+    label: int | str | None = None
     box_mm: tuple[float, ...] | None = None
     slices: tuple[int | None, int | None] | None = None
     slice_index: int | None = None

@@ -5,7 +5,7 @@ from typing import Any
 
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
-from gpubspline.ct.masks import read_mask
+from gpubspline.ct.masks import read_segment
 from gpubspline.ct.region import otsu_threshold, region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
@@ -23,7 +23,7 @@ def find_body(source: Source, clock: Clock) -> Body:
         raise InputError("expected a label together with a mask file, got a label alone")
     with clock.stage("read"):
         whole = read_volume(source.path, progress=clock.advance, **source.reading)
-        mask = None if source.mask is None else read_mask(source.mask, whole, source.label)
+        mask = None if source.mask is None else read_segment(source.mask, whole, source.label)
     with clock.stage("region"):
         window = _window(source, whole)
         volume = crop(whole, window)
@@ -31,7 +31,9 @@ def find_body(source: Source, clock: Clock) -> Body:
         options: dict[str, Any] = {"fill": fill, "fill_axis": AXES.get(source.axis, 2)}
         if mask is not None:
             options["smoothing_mm"] = source.smoothing_mm
-            return Body(whole, volume, region_from_mask(volume, mask[window.slices], **options), None)
+            if mask.coverage is not None:
+                options["coverage"] = mask.coverage[window.slices]
+            return Body(whole, volume, region_from_mask(volume, mask.inside[window.slices], **options), None)
         threshold = source.threshold_hu
         if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))

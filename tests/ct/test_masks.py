@@ -71,7 +71,7 @@ def test_absent_labels_and_empty_masks_are_errors(tmp_path, volume):
     with pytest.raises(InputError, match="existing mask file"):
         read_mask(tmp_path / "none.nii", volume)
     (tmp_path / "m.stl").write_text("solid")
-    with pytest.raises(InputError, match=r"NIfTI, NRRD, MetaImage or \.npy, got m\.stl"):
+    with pytest.raises(InputError, match=r"NIfTI, NRRD, MetaImage, DICOM SEG, RTSTRUCT or \.npy, got m\.stl"):
         read_mask(tmp_path / "m.stl", volume)
 
 

@@ -59,7 +59,9 @@ def read_dicom(
     hu, affine = _place(slices, hu, allow_gaps, found)
     for message in found:
         warnings.warn(message, GpubsplineWarning, stacklevel=3)
-    return Volume(hu, affine, f"DICOM CT, {len(slices)} slice{'s' if len(slices) > 1 else ''}")
+    frames = {item.frame_of_reference for item in slices}
+    frame = frames.pop() if len(frames) == 1 else None
+    return Volume(hu, affine, f"DICOM CT, {len(slices)} slice{'s' if len(slices) > 1 else ''}", frame or None)
 
 
 def _decode(slices: Sequence[Slice], progress: Progress | None) -> NDArray[Any]:

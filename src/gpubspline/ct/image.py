@@ -94,7 +94,7 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     if format_name(path) == "MetaImage":
         check_metaimage(path)
     try:
-        with _quiet_itk():
+        with quiet_itk():
             image = sitk.ReadImage(str(path))
     except RuntimeError as error:
         raise InputError(f"cannot read {path.name} as {format_name(path)}: {_reason(error)}") from None
@@ -105,11 +105,11 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     if image.GetDimension() not in (2, 3):
         raise InputError(f"expected a three-dimensional image in {path.name}, got size {image.GetSize()}")
     samples = sitk.GetArrayFromImage(image)
-    return narrow(samples if samples.ndim == 3 else samples[None]), _affine(image) if sheared is None else sheared
+    return narrow(samples if samples.ndim == 3 else samples[None]), image_affine(image) if sheared is None else sheared
 
 
 @contextmanager
-def _quiet_itk() -> Iterator[None]:
+def quiet_itk() -> Iterator[None]:
     """Let ITK read grids that are not orthogonal, and say nothing on stderr meanwhile."""
     display, permissive = sitk.ProcessObject.GetGlobalWarningDisplay(), os.environ.get(_PERMISSIVE)
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
@@ -133,7 +133,8 @@ def narrow(samples: NDArray[Any]) -> NDArray[Any]:
         return samples.astype(np.float32, copy=False)
 
 
-def _affine(image: sitk.Image) -> Floats:
+def image_affine(image: sitk.Image) -> Floats:
+    """Affine (4, 4) of an ITK image, index (i, j, k) to LPS mm; ITK's physical space is LPS already."""
     n = image.GetDimension()
     affine = np.eye(4)
     affine[:n, :n] = np.reshape(image.GetDirection(), (n, n)) * np.asarray(image.GetSpacing())

@@ -152,8 +152,9 @@ def region_from_mask(
     fill: Fill = "none",
     fill_axis: int = 2,
     largest: bool = True,
+    coverage: NDArray[Any] | None = None,
 ) -> Region:
-    """Take a mask; the boundary is that of the smoothed label.
+    """Take a mask; the boundary is that of the smoothed label, or of the smoothed coverage where it is known.
 
     The boundary stays between the centres of the voxels that the label parts, so smoothing removes steps but never a
     thin part. Its Gaussian is sharpened (twice the smoothed label minus the twice smoothed one), which to first order
@@ -166,6 +167,8 @@ def region_from_mask(
     smoothing_mm: standard deviation of the Gaussian; None takes one voxel along each axis, 0 leaves the boundary
         halfway between voxels.
     fill, fill_axis, largest: as in ``region_from_threshold``.
+    coverage: (n_k, n_j, n_i), part of each voxel that is inside, 0 to 1: with it the boundary lies where half of a
+        voxel is covered, and nothing is smoothed unless ``smoothing_mm`` says so.
 
     Raises
     ------
@@ -179,8 +182,10 @@ def region_from_mask(
         raise InputError(f"expected a mask (k, j, i) with at least one voxel inside, got none in {mask.shape}")
     mask = fill_holes(largest_component(mask) if largest else mask, fill, fill_axis)
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
-    sigma = np.ones(3) if smoothing_mm is None else np.full(3, _checked(smoothing_mm)) / spacing
-    return Region(mask, signed_distance(mask, _label_level(mask, sigma), affine), affine)
+    known = 0.0 if coverage is not None else None
+    smoothing = known if smoothing_mm is None else _checked(smoothing_mm)
+    sigma = np.ones(3) if smoothing is None else np.full(3, smoothing) / spacing
+    return Region(mask, signed_distance(mask, _label_level(mask, sigma, coverage), affine), affine)
 
 
 def largest_component(mask: Mask) -> Mask:
@@ -219,11 +224,12 @@ def _fill_enclosed(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(sitk.GetArrayFromImage(sitk.BinaryFillhole(image, False, 1)), dtype=bool)
 
 
-def _label_level(mask: Mask, sigma: Floats) -> NDArray[np.float32]:
+def _label_level(mask: Mask, sigma: Floats, coverage: NDArray[Any] | None = None) -> NDArray[np.float32]:
     """A level function of a label, negative inside, from 0.5 in to -0.5 at most."""
+    values = mask if coverage is None else coverage
     level: NDArray[np.float32] = np.where(mask, np.float32(-0.5), np.float32(0.5))
     window = box_around(mask, 2 + int(np.ceil(4 * sigma.max())))
-    once = _smooth(mask[window].astype(np.float32), sigma)
+    once = _smooth(values[window].astype(np.float32), sigma)
     smoothed = 0.5 - (2 * once - _smooth(once, sigma))
     inside = mask[window]
     level[window] = np.where(inside, np.minimum(smoothed, -LEAST_LEVEL), np.maximum(smoothed, LEAST_LEVEL))

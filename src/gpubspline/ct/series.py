@@ -40,6 +40,7 @@ _TAGS: list[Any] = [
     "SOPClassUID",
     "Modality",
     "SeriesInstanceUID",
+    "FrameOfReferenceUID",
     "ImageType",
     "Rows",
     "Columns",
@@ -95,6 +96,7 @@ class Slice:
     spacing_mm: distance between neighbouring pixels along i and j.
     thickness_mm: spacing between slices as stated, else the slice thickness, else 1.
     slope, intercept: from stored values to HU (PS3.3 C.11.1).
+    frame_of_reference: UID, empty where there is none (PS3.3 C.7.4.1).
     """
 
     path: Path
@@ -107,6 +109,7 @@ class Slice:
     thickness_mm: float
     slope: float
     intercept: float
+    frame_of_reference: str = ""
 
     @property
     def normal(self) -> Floats:
@@ -298,6 +301,7 @@ def _slice(header: Header, frame: int, groups: Sequence[Dataset]) -> Slice:
         thickness_mm=_thickness(groups),
         slope=slope,
         intercept=0.0 if intercept is None else float(_numbers(header, groups, "RescaleIntercept", 1)[0]),
+        frame_of_reference=str(dataset.get("FrameOfReferenceUID") or ""),
     )
 
 

@@ -21,6 +21,8 @@ class Volume:
     hu: (n_k, n_j, n_i) int16 or float32, HU, index order (k, j, i) as stored, C-contiguous.
     affine: (4, 4) float64, from the index (i, j, k) of a voxel **centre** to patient millimetres in LPS.
     source: what the samples came from, without anything that identifies a patient.
+    frame_of_reference: DICOM's UID of the frame the affine leads to, by which masks are told to belong; None elsewhere.
+        It stays in memory: no output carries it.
 
     Raises
     ------
@@ -30,6 +32,7 @@ class Volume:
     hu: NDArray[Any]
     affine: Floats
     source: str = "array"
+    frame_of_reference: str | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values once, at the door."""

@@ -21,8 +21,10 @@ class RegionOptions:
     threshold: Annotated[
         float | None, option("Region", "what lies above is body (default: Otsu's threshold)", metavar="HU")
     ] = None
-    mask: Annotated[Path | None, option("Region", "mask or label file on the CT's grid", metavar="FILE")] = None
-    label: Annotated[int | None, option("Region", "label in it (default: all but 0)", metavar="N")] = None
+    mask: Annotated[
+        Path | None, option("Region", "label image on the CT's grid, DICOM SEG or RTSTRUCT", metavar="FILE")
+    ] = None
+    label: Annotated[str | None, option("Region", "label in it (default: all but 0)", metavar="NAME|N")] = None
     fill: Annotated[
         str | None,
         option("Region", "where holes are filled (default: slice, none for masks)", metavar="slice|volume|none"),
