@@ -105,6 +105,29 @@ def kind(counted: Any) -> str:
     return f"{counted.n_elements:,} {counted.element_type}"
 
 
+def deck_lines(figures: dict[str, Any]) -> list[str]:
+    """Units, means of the modulus and load case of what was written, where it has any; see ``export.write``."""
+    deck = figures.get("deck") or {}
+    modulus, load = deck.get("modulus"), deck.get("load")
+    lines = [f"deck       {deck['format']}, {deck['units']}"] if modulus or load else []
+    if modulus and modulus["means"] == "bins":
+        lines.append(
+            f"{_UNDER}modulus in {modulus['bins']} bins, off by {modulus['mean_error']:.2%} on average, "
+            f"{modulus['largest_error']:.2%} at most; Poisson's ratio by {modulus['poisson_error']:.2g}"
+        )
+    elif modulus and "rows" in modulus:
+        lines.append(
+            f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}, "
+            f"off by {modulus['error']:.1e} at most"
+        )
+    elif modulus:
+        lines.append(f"{_UNDER}modulus by node")
+    if load:
+        total = _vector(load["total_n"])
+        lines.append(f"load       {load['title']}: {total} N in all, {load['held_nodes']:,} nodes held")
+    return lines
+
+
 def wrote(paths: list[Path]) -> list[str]:
     """What was written, if anything."""
     return ["wrote      " + ", ".join(str(path) for path in paths)] if paths else []

@@ -66,10 +66,11 @@ def commands(subject: Subject, folder: Path, device: str, settings: dict[str, st
     run = [f"--{name}={value}" for name, value in settings.items()]
     run += ["--quiet", *([] if device == "auto" else [f"--device={device}"])]
     own = {name: value for name, value in subject.options.items() if name != "output"}
-    mesh = [word for name, value in own.items() if name in _options("mesh") for word in _words(name, value, folder)]
+    made = {name: value for name, value in own.items() if name in _options("mesh") and name != "load"}
+    mesh = [word for name, value in made.items() for word in _words(name, value, folder)]
     yield ["mesh", *map(str, subject.inputs), *mesh, f"--output={output}", f"--summary={folder / 'mesh.json'}", *run]
     if "load" in own:
-        only = {name: value for name, value in own.items() if name not in _options("mesh")}
+        only = {name: value for name, value in own.items() if name not in made}
         solve = [word for name, value in only.items() for word in _words(name, value, folder)]
         yield ["solve", str(output), *solve, f"--output={folder / SOLVED}", f"--summary={folder / 'solve.json'}", *run]
 

@@ -111,11 +111,13 @@ def write(
     check_writable(path)
     _check_finite(mesh)
     asked = {"binned": modulus_bins is not None, "nodal": nodal_modulus, "loads": load is not None}
-    form.check_holds(format or path.suffix.lower(), element_type=mesh.element_type, **asked)
+    form.check_asked(format or path.suffix.lower(), **asked)
+    form.check_elements(format or path.suffix.lower(), mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)
-    deck = make_deck(mesh, form, Wanted(find_units(units), law, modulus_bins, case, thickness_mm, step))
+    asked_for = Wanted(find_units(units), law, modulus_bins, nodal_modulus, case, thickness_mm, step)
+    deck = make_deck(mesh, form, asked_for)
     form.write(deck, path)
     return deck.figures
 

@@ -8,7 +8,7 @@ loads                                      supports, nodal forces, pressures, gr
 import re
 import textwrap
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -77,6 +77,7 @@ class Deck:
     sections: element sets by modulus, or none.
     table: the material by node as a table, or None.
     nodal: ``modulus``, ``poisson`` and perhaps ``density`` (n,) by node where the format holds fields, or nothing.
+    elemental: the same by element (m,), of a mesh whose material is by element.
     loads: or None.
     comments: what the deck says of itself: units, law, means of the modulus and its error, load case.
     figures: the same as plain numbers, for a summary.
@@ -90,6 +91,7 @@ class Deck:
     sections: tuple[Section, ...]
     table: NodalTable | None
     nodal: dict[str, NDArray[Any]]
+    elemental: dict[str, NDArray[Any]]
     loads: DeckLoads | None
     comments: tuple[str, ...]
     figures: dict[str, Any]
@@ -133,10 +135,10 @@ class Deck:
         return self.mesh.with_fields(by_node).with_cell_fields(by_element)
 
     def _spread(self, key: str) -> Floats:
-        field = np.zeros(self.mesh.n_elements)
+        values = np.zeros(self.mesh.n_elements)
         for section in self.sections:
-            field[section.members] = getattr(section, key) or 0.0
-        return field
+            values[section.members] = getattr(section, key) or 0.0
+        return values
 
     def comment_lines(self, width: int) -> list[str]:
         """Lines of the comments."""
@@ -150,6 +152,7 @@ class Wanted:
     units: Units
     law: Law | None = None
     modulus_bins: int | None = None
+    nodal_modulus: bool = False
     load: LoadCase | None = None
     thickness_mm: float = 1.0
     step: str = ""
@@ -167,17 +170,19 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets else {}
     node_sets = _named(mesh.node_sets, placed.node_sets)
     named = replace(mesh, node_sets=node_sets, element_sets=_named(mesh.element_sets, {}))
-    sections, table, nodal, words, figures = _material(mesh, form, wanted)
+    means = _material(mesh, form, wanted)
     return Deck(
         mesh=_in_units(named, wanted.units),
         units=wanted.units,
         surfaces=_named(faces, placed.surfaces),
-        sections=sections,
-        table=table,
-        nodal=nodal,
+        sections=means.sections,
+        table=means.table,
+        nodal=means.nodal,
+        elemental=means.elemental,
         loads=None if placed.loads is None else _loads_in_units(placed.loads, wanted.units),
-        comments=tuple(_comments(wanted, words, placed.loads)),
-        figures={"format": form.name, "units": wanted.units.name, **figures} | _load_figures(placed.loads),
+        comments=tuple(_comments(wanted, means.words, placed.loads)),
+        figures={"format": form.name, "units": wanted.units.name, "modulus": means.figures}
+        | _load_figures(placed.loads),
         thickness=wanted.thickness_mm * wanted.units.per_mm,
         step=wanted.step,
     )
@@ -219,20 +224,31 @@ def _free(name: str, taken: Iterable[str]) -> str:
     return free
 
 
-_Means = tuple[tuple[Section, ...], NodalTable | None, dict[str, NDArray[Any]], str, dict[str, Any]]
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """By what means a deck has its modulus, in words and figures; see ``Deck``."""
+
+    words: str = ""
+    figures: dict[str, Any] | None = None
+    sections: tuple[Section, ...] = ()
+    table: NodalTable | None = None
+    nodal: dict[str, NDArray[Any]] = field(default_factory=dict)
+    elemental: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
 def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
     by_node = {"E_MPa", "nu"} <= mesh.fields.keys()
-    known = by_node or {"E_MPa", "nu"} <= {*mesh.cell_fields, *mesh.fields}
-    if wanted.modulus_bins is not None and not known:
-        raise InputError("expected the nodal fields E_MPa and nu to gather by modulus, got a mesh without them")
-    if not known or not form.binned:
-        return (), None, {}, "", {"modulus": None}
+    by_element = {"E_MPa", "nu"} <= mesh.cell_fields.keys()
+    if wanted.modulus_bins is not None and not (by_node or by_element):
+        raise InputError("expected the fields E_MPa and nu to gather by modulus, got a mesh without them")
+    if wanted.nodal_modulus and not by_node:
+        raise InputError("expected the nodal fields E_MPa and nu for a modulus by node, got a mesh without them")
+    if not (by_node or by_element) or not form.binned:
+        return _Means()
     if wanted.modulus_bins is None and by_node and form.nodal == "table":
         return _table(mesh, form, wanted.units)
-    if wanted.modulus_bins is None and by_node and form.nodal == "field":
-        return _nodal(mesh, wanted.units)
+    if wanted.modulus_bins is None and form.nodal == "field":
+        return _fields(mesh, wanted.units, by_node)
     count = DEFAULT_BINS if wanted.modulus_bins is None else wanted.modulus_bins
     return _sections(modulus_bins(mesh, count), wanted.units)
 
@@ -254,15 +270,18 @@ def _table(mesh: Mesh, form: Format, units: Units) -> _Means:
         f"{found.carrier}. Give no thermal expansion and no other temperature."
     )
     figures = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size, "error": found.error}
-    return (), table, {}, words, {"modulus": figures}
+    return _Means(words, figures, table=table)
 
 
-def _nodal(mesh: Mesh, units: Units) -> _Means:
-    fields = {"modulus": mesh.fields["E_MPa"] * units.per_mpa, "poisson": mesh.fields["nu"]}
-    if "density_g_cm3" in mesh.fields and np.all(mesh.fields["density_g_cm3"] > 0):
-        fields["density"] = mesh.fields["density_g_cm3"] * units.per_g_cm3
-    words = "Material by node: inside each element the modulus is interpolated between its nodes'."
-    return (), None, fields, words, {"modulus": {"means": "field by node", "error": 0.0}}
+def _fields(mesh: Mesh, units: Units, by_node: bool) -> _Means:
+    given = mesh.fields if by_node else mesh.cell_fields
+    fields = {"modulus": given["E_MPa"] * units.per_mpa, "poisson": given["nu"]}
+    if "density_g_cm3" in given and np.all(given["density_g_cm3"] > 0):
+        fields["density"] = given["density_g_cm3"] * units.per_g_cm3
+    if by_node:
+        words = "Material by node: inside each element the modulus is interpolated between its nodes'."
+        return _Means(words, {"means": "field by node", "error": 0.0}, nodal=fields)
+    return _Means("Material by element.", {"means": "field by element", "error": 0.0}, elemental=fields)
 
 
 def _sections(bins: ModulusBins, units: Units) -> _Means:
@@ -278,7 +297,7 @@ def _sections(bins: ModulusBins, units: Units) -> _Means:
         f"Poisson's ratio by {bins.poisson_error:.3g} at most."
     )
     errors = {"mean_error": bins.mean_error, "largest_error": bins.largest_error, "poisson_error": bins.poisson_error}
-    return sections, None, {}, words, {"modulus": {"means": "bins", "bins": len(bins.members), **errors}}
+    return _Means(words, {"means": "bins", "bins": len(bins.members), **errors}, sections)
 
 
 def _in_units(mesh: Mesh, units: Units) -> Mesh:

@@ -55,7 +55,7 @@ MAPS = {"modulus": "E", "poisson": "v", "density": "density"}
 
 def write(deck: Deck, path: Path) -> None:
     """Write a model; raises InputError for a mesh without material, which FEBio has not."""
-    if not (deck.nodal or deck.sections):
+    if not (deck.nodal or deck.elemental or deck.sections):
         raise InputError(
             "expected the fields E_MPa and nu for .feb, whose elements have a material, got a mesh without"
         )
@@ -71,7 +71,7 @@ def write(deck: Deck, path: Path) -> None:
                 _write_load_sets(out, deck.loads)
         with _tag(out, "MeshDomains"):
             _write_domains(out, deck)
-        if deck.nodal or deck.loads is not None:
+        if deck.nodal or deck.elemental or deck.loads is not None:
             with _tag(out, "MeshData"):
                 _write_data(out, deck)
         if deck.loads is not None:
@@ -98,8 +98,9 @@ def _write_materials(out: TextIO, deck: Deck) -> None:
     with _tag(out, "Material"):
         for number, section in enumerate(_parts(deck), start=1):
             with _tag(out, "material", id=str(number), name=_material(section), type="isotropic elastic"):
-                if deck.nodal:
-                    ordered = [key for key in ("density", "modulus", "poisson") if key in deck.nodal]
+                maps = deck.nodal or deck.elemental
+                if maps:
+                    ordered = [key for key in ("density", "modulus", "poisson") if key in maps]
                     out.writelines(f'<{MAPS[k]} type="map">{k}_map</{MAPS[k]}>\n' for k in ordered)
                 else:
                     density = "" if section.density is None else f"<density>{REAL % section.density}</density>\n"
@@ -152,6 +153,9 @@ def _write_domains(out: TextIO, deck: Deck) -> None:
 
 def _write_data(out: TextIO, deck: Deck) -> None:
     mesh = deck.mesh
+    for key, values in deck.elemental.items():
+        with _tag(out, "ElementData", name=f"{key}_map", elem_set=deck.body, data_type="scalar"):
+            write_lines(out, '<elem lid="{}">{}</elem>', [np.arange(mesh.n_elements) + 1, values])
     for key, values in deck.nodal.items():
         with _tag(out, "ElementData", name=f"{key}_map", elem_set=deck.body, data_type="scalar"):
             for rows in chunks(mesh.n_elements):

@@ -53,14 +53,19 @@ class Format:
                 f"expected {self.needs}, which {known} files need, to be installed: pip install {self.needs}"
             )
 
-    def check_holds(self, known: str, *, element_type: str, binned: bool, nodal: bool, loads: bool) -> None:
-        """Raise InputError, which names what the format, ``known`` by this, cannot hold."""
+    def check_elements(self, known: str, element_type: str) -> None:
+        """Raise InputError where the format, ``known`` by this, does not hold the elements."""
         if element_type not in self.element_types:
             held = ", ".join(self.element_types)
             raise InputError(f"expected elements of {held} for {known}, got {element_type}; .vtu holds them")
+
+    def check_asked(self, known: str, *, binned: bool, nodal: bool, loads: bool) -> None:
+        """Raise InputError where the format, ``known`` by this, does not hold what is asked for."""
         if binned and not self.binned:
             raise InputError(f"expected modulus bins with a deck, which has sections, got {known}, which has none")
+        if nodal and binned:
+            raise InputError("expected a modulus by node or modulus bins, got both")
         if nodal and not self.nodal:
-            raise InputError(f"expected a format that holds a modulus by node, got {known}, which has bins only")
+            raise InputError(f"expected a format that holds a modulus by node, got {known}, which does not")
         if loads and not self.loads:
             raise InputError(f"expected a format that holds a load case, got {known}, which has no place for it")

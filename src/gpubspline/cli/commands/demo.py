@@ -30,7 +30,7 @@ def demo(
     device, counts = run.open(), "14,24,46"  # the adult femur of the paper's Fig. 4b
     folder.mkdir(exist_ok=True)
     series, deck, picture = folder / "ct", folder / "femur.inp", folder / "femur.png"
-    files = OutputOptions(folder / "femur.vtu", None, folder / "femur.json", picture, "HU", folder / "histogram.png")
+    files = OutputOptions(folder / "femur.vtu", folder / "femur.json", picture, "HU", folder / "histogram.png")
     files.check()
     with run.clock() as clock:
         if not series.is_dir():

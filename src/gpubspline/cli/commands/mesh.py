@@ -5,6 +5,7 @@ import typer
 from gpubspline.cli.app import app
 from gpubspline.cli.arguments import InputPaths
 from gpubspline.cli.options import (
+    DeckOptions,
     OutputOptions,
     ReadOptions,
     RegionOptions,
@@ -26,6 +27,7 @@ def mesh(
     spline: SplineOptions,
     sampled: SamplingOptions,
     files: OutputOptions,
+    deck: DeckOptions,
     page: ReportOptions,
     run: RunOptions,
 ) -> None:
@@ -33,7 +35,7 @@ def mesh(
     from gpubspline import pipeline
     from gpubspline.cli import describe
 
-    files.check(source)
+    files.check(source, deck)
     page.check([*source, *files.paths])
     wanted = region.source(source, read, spline.axis)
     shaping = spline.shaping(3 if region.slice_index is None else 2)
@@ -45,4 +47,6 @@ def mesh(
         files.write(model, figures, clock)
         known = {"quality": model.counted.quality, "volume": fitted.volume, "laws": [model.law]}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
-    run.say([*describe.summary_lines(figures), *describe.wrote([*files.paths, *page.paths])])
+    run.say(
+        [*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote([*files.paths, *page.paths])]
+    )

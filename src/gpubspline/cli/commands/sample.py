@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from gpubspline.cli.app import app
-from gpubspline.cli.options import OutputOptions, RunOptions, SamplingOptions, flattened
+from gpubspline.cli.options import DeckOptions, OutputOptions, RunOptions, SamplingOptions, flattened
 
 
 @app.command()
@@ -15,6 +15,7 @@ def sample(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="model file of 'gpubspline fit'", show_default=False)],
     sampled: SamplingOptions,
     files: OutputOptions,
+    deck: DeckOptions,
     run: RunOptions,
 ) -> None:
     """Make a mesh of any density from a model file, without the CT."""
@@ -22,7 +23,7 @@ def sample(
     from gpubspline.cli import describe
     from gpubspline.spline.model import load_model
 
-    files.check([model])
+    files.check([model], deck)
     sampling, device = sampled.sampling(), run.open()
     with run.clock() as clock:
         with clock.stage("read"):
@@ -30,4 +31,4 @@ def sample(
         made = files.make(patch, sampling, device, clock)
         figures = pipeline.summarise(made, device, clock)
         files.write(made, figures, clock)
-    run.say([*describe.summary_lines(figures), *describe.wrote(files.paths)])
+    run.say([*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote(files.paths)])

@@ -1,5 +1,6 @@
 """The options of the command line, a group a file."""
 
+from gpubspline.cli.options.deck import DeckOptions as DeckOptions
 from gpubspline.cli.options.groups import flattened as flattened
 from gpubspline.cli.options.output import OutputOptions as OutputOptions
 from gpubspline.cli.options.read import ReadOptions as ReadOptions

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from gpubspline.cli.options.deck import DeckOptions
 from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
 from gpubspline.files import check_apart, check_writable
@@ -20,17 +21,20 @@ class OutputOptions:
     output: Annotated[
         Path,
         option(
-            "Output", "mesh: .vtu, .inp or what meshio writes", "--output", "-o", metavar="FILE", show_default=False
+            "Output",
+            "mesh or deck, by extension (docs/formats.md)",
+            "--output",
+            "-o",
+            metavar="FILE",
+            show_default=False,
         ),
     ]
-    modulus_bins: Annotated[
-        int | None, option("Output", ".inp: N element sets by modulus, not nodal modulus", metavar="N")
-    ] = None
     summary: Annotated[Path | None, option("Output", "figures of the run, .json", metavar="FILE")] = None
     picture: Annotated[Path | None, option("Output", "picture of the mesh, .png", metavar="FILE")] = None
     field: Annotated[str, option("Output", "field that colours the picture", metavar="NAME")] = "HU"
     histogram: Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")] = None
 
+    _deck = DeckOptions()
     _streamed = False  # whether the mesh was written while it was made
 
     @property
@@ -38,15 +42,15 @@ class OutputOptions:
         """Every file that is asked for."""
         return [path for path in (self.output, self.summary, self.picture, self.histogram) if path]
 
-    def check(self, inputs: Sequence[Path] = ()) -> None:
+    def check(self, inputs: Sequence[Path] = (), deck: DeckOptions | None = None) -> None:
         """Raise InputError where a file could not be written, or would replace another or one of the inputs."""
-        from gpubspline.export import check_extension
         from gpubspline.report.sheet import check_png
 
-        check_extension(self.output)
+        self._deck = deck or DeckOptions()
+        self._deck.check(self.output)
         for path in self.paths:
             check_writable(path)
-        check_apart(self.paths, inputs)
+        check_apart(self.paths, [*inputs, *self._deck.inputs])
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
 
@@ -61,7 +65,7 @@ class OutputOptions:
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
         solid = patch.parametric_dimension == 3 and first_order
-        self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole
+        self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole and self._deck.plain
         if self._streamed:
             return stream_patch(patch, sampling, self.output, device, clock, body)
         return pipeline.sample_patch(patch, sampling, device, clock, body)
@@ -75,7 +79,7 @@ class OutputOptions:
 
         if not self._streamed:
             with clock.stage("write"):
-                write(model.mesh, self.output, law=model.law, modulus_bins=self.modulus_bins)
+                figures["deck"] = write(model, self.output, law=model.law, **self._deck.how())
         if self.picture:
             with clock.stage("picture"):
                 write_picture(model.mesh, self.picture, field=self.field)

@@ -1,0 +1,45 @@
+"""A mesh file as a deck."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import DeckOptions, RunOptions, flattened
+from gpubspline.files import check_apart, check_writable
+
+
+@app.command()
+@flattened
+def export(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file, such as .vtu", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="mesh or deck, by extension (docs/formats.md)", show_default=False
+        ),
+    ],
+    deck: DeckOptions,
+    summary: Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")] = None,
+    thickness: Annotated[float, typer.Option(metavar="MM", help="of quads, which are shells in decks")] = 1.0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="print warnings and errors only")] = False,
+) -> None:
+    """Write a mesh file in another format, with a load case and in the units of a solver."""
+    from gpubspline.cli import describe
+    from gpubspline.export import read_mesh, write
+    from gpubspline.report.summary import write_summary
+
+    run, written = RunOptions(quiet=quiet), [output, *([summary] if summary else [])]
+    deck.check(output)
+    for path in written:
+        check_writable(path)
+    check_apart(written, [mesh, *deck.inputs])
+    with run.clock() as clock:
+        with clock.stage("read"):
+            found = read_mesh(mesh)
+        with clock.stage("write"):
+            figures = {"deck": write(found, output, thickness_mm=thickness, **deck.how())}
+    if summary:
+        write_summary(figures, summary)
+    run.say([*describe.mesh_lines(found)[:1], *describe.deck_lines(figures), *describe.wrote(written)])
