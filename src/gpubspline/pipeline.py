@@ -8,6 +8,7 @@ from gpubspline.material.assign import assign
 from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
 from gpubspline.mesh.distance import distances
+from gpubspline.mesh.label_sets import with_label_sets
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.tally import tally
@@ -47,6 +48,8 @@ def sample_patch(
         law, calibrated = calibrated_law(sampling, body)
         volume, region = (None, None) if body is None else (body.volume, body.region)
         mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
+        if body is not None and body.labels is not None:
+            mesh = with_label_sets(mesh, body.labels, body.whole, device)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
         certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gpubspline.ct.labels import Labels
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.material.alarms import Alarms
@@ -25,6 +26,7 @@ class Source:
     threshold_hu: float | None = None
     mask: Path | None = None
     label: int | str | None = None
+    labels: Path | None = None
     box_mm: tuple[float, ...] | None = None
     slices: tuple[int | None, int | None] | None = None
     slice_index: int | None = None
@@ -67,12 +69,14 @@ class Body:
     volume: the scan, cropped as it was asked for, on the region's grid.
     region: the body.
     threshold_hu: what separated it; None where a mask did.
+    labels: of a segmentation on the grid of ``whole``, by which elements are gathered in sets; or None.
     """
 
     whole: Volume
     volume: Volume
     region: Region
     threshold_hu: float | None
+    labels: Labels | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from typing import Any
 
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
-from gpubspline.ct.masks import read_segment
+from gpubspline.ct.masks import open_labels, read_segment
 from gpubspline.ct.region import otsu_threshold, region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
@@ -24,6 +24,7 @@ def find_body(source: Source, clock: Clock) -> Body:
     with clock.stage("read"):
         whole = read_volume(source.path, progress=clock.advance, **source.reading)
         mask = None if source.mask is None else read_segment(source.mask, whole, source.label)
+        labels = None if source.labels is None else open_labels(source.labels, whole)
     with clock.stage("region"):
         window = _window(source, whole)
         volume = crop(whole, window)
@@ -33,12 +34,12 @@ def find_body(source: Source, clock: Clock) -> Body:
             options["smoothing_mm"] = source.smoothing_mm
             if mask.coverage is not None:
                 options["coverage"] = mask.coverage[window.slices]
-            return Body(whole, volume, region_from_mask(volume, mask.inside[window.slices], **options), None)
+            return Body(whole, volume, region_from_mask(volume, mask.inside[window.slices], **options), None, labels)
         threshold = source.threshold_hu
         if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
-        return Body(whole, volume, region_from_threshold(volume, threshold, **options), threshold)
+        return Body(whole, volume, region_from_threshold(volume, threshold, **options), threshold, labels)
 
 
 def _window(source: Source, volume: Volume) -> Window:

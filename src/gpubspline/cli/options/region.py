@@ -25,6 +25,9 @@ class RegionOptions:
         Path | None, option("Region", "label image on the CT's grid, DICOM SEG or RTSTRUCT", metavar="FILE")
     ] = None
     label: Annotated[str | None, option("Region", "label in it (default: all but 0)", metavar="NAME|N")] = None
+    labels: Annotated[
+        Path | None, option("Region", "segmentation whose labels become element sets", metavar="FILE")
+    ] = None
     fill: Annotated[
         str | None,
         option("Region", "where holes are filled (default: slice, none for masks)", metavar="slice|volume|none"),
@@ -42,6 +45,7 @@ class RegionOptions:
             threshold_hu=self.threshold,
             mask=self.mask,
             label=self.label,
+            labels=self.labels,
             box_mm=numbers(self.box, "box", 6),
             slices=slice_range(self.slices),
             slice_index=self.slice_index,
