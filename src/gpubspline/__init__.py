@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from gpubspline.device import open_device as open_device
     from gpubspline.export import read_mesh as read_mesh
     from gpubspline.export import write as write
+    from gpubspline.export.from_pyvista import from_pyvista as from_pyvista
     from gpubspline.material.laws import Law as Law
     from gpubspline.material.mapping import apply_material as apply_material
     from gpubspline.material.registry import law as law
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
     from gpubspline.mesh.sample import sample as sample
     from gpubspline.mesh.validity import certify as certify
     from gpubspline.report.histogram import write_histogram as write_histogram
+    from gpubspline.report.page import Account as Account
+    from gpubspline.report.page import write_report as write_report
     from gpubspline.report.picture import write_picture as write_picture
     from gpubspline.spline.fit import fit as fit
     from gpubspline.spline.hyperpatch import Hyperpatch as Hyperpatch
@@ -56,6 +59,9 @@ if TYPE_CHECKING:
     from gpubspline.spline.lattice import control_lattice as control_lattice
     from gpubspline.spline.model import load_model as load_model
     from gpubspline.spline.model import save_model as save_model
+    from gpubspline.steps import patch as patch
+    from gpubspline.steps import read as read
+    from gpubspline.steps import region as region
     from gpubspline.surface.read import read_surface as read_surface
     from gpubspline.surface.region import region_from_surface as region_from_surface
     from gpubspline.surface.surface import Surface as Surface
@@ -73,6 +79,7 @@ _HOME = {
     "ct.volume": ("Volume",),
     "device": ("list_devices", "open_device"),
     "export": ("read_mesh", "write"),
+    "export.from_pyvista": ("from_pyvista",),
     "material.laws": ("Law",),
     "material.mapping": ("apply_material",),
     "material.registry": ("law", "laws"),
@@ -85,11 +92,13 @@ _HOME = {
     "mesh.sample": ("sample",),
     "mesh.validity": ("certify",),
     "report.histogram": ("write_histogram",),
+    "report.page": ("Account", "write_report"),
     "report.picture": ("write_picture",),
     "spline.fit": ("fit",),
     "spline.hyperpatch": ("Hyperpatch", "bezier", "hyperpatch"),
     "spline.lattice": ("ControlLattice", "control_lattice"),
     "spline.model": ("load_model", "save_model"),
+    "steps": ("patch", "read", "region"),
     "surface.read": ("read_surface",),
     "surface.region": ("region_from_surface",),
     "surface.surface": ("Surface",),

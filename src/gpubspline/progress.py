@@ -1,13 +1,20 @@
-"""The stages of a run on a terminal, as they go."""
+"""The stages of a run on a terminal or in a notebook, as they go; silent where stderr is a pipe or a file."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from gpubspline.clock import Clock
+
+
+def is_watched() -> bool:
+    """Whether somebody sees progress: stderr is a terminal, or this is a notebook with the widgets that it needs."""
+    return sys.stderr.isatty() or (Console().is_jupyter and find_spec("ipywidgets") is not None)
 
 
 class ShownClock(Clock):

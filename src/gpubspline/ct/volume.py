@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpubspline.errors import InputError
+from gpubspline.shown import shown
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +49,9 @@ class Volume:
             raise InputError(f"expected an invertible 4x4 affine, got {affine.tolist()}")
         object.__setattr__(self, "hu", hu)
         object.__setattr__(self, "affine", affine)
+
+    def _repr_html_(self) -> str:
+        return str(shown("volume_html", self))
 
     @property
     def shape(self) -> tuple[int, int, int]:

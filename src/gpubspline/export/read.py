@@ -80,8 +80,8 @@ def _structured(found: StoredGrid) -> Mesh:
         found.arrays["Points"].popitem()[1],
         "hex8" if len(nodes) == 3 else "quad4",
         structure=nodes,
-        fields=_scalars(found.arrays.get("PointData", {})),
-        cell_fields=_scalars(found.arrays.get("CellData", {})),
+        fields=scalars(found.arrays.get("PointData", {})),
+        cell_fields=scalars(found.arrays.get("CellData", {})),
     )
 
 
@@ -95,8 +95,8 @@ def _unstructured(found: StoredGrid) -> Mesh | None:
         found.arrays["Points"].popitem()[1],
         names[0],
         connectivity=cells.reshape(len(types), ELEMENTS[names[0]].n_nodes),
-        fields=_scalars(found.arrays.get("PointData", {})),
-        cell_fields=_scalars(found.arrays.get("CellData", {})),
+        fields=scalars(found.arrays.get("PointData", {})),
+        cell_fields=scalars(found.arrays.get("CellData", {})),
     )
 
 
@@ -119,8 +119,8 @@ def _read_by_meshio(path: Path) -> Mesh:
         points,
         name,
         connectivity=np.concatenate([given.cells[number].data for number in blocks]),
-        fields=_scalars(_own(given.point_data)),
-        cell_fields=_scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in _own(given.cell_data).items()}),
+        fields=scalars(_own(given.point_data)),
+        cell_fields=scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in _own(given.cell_data).items()}),
         node_sets=_node_sets(given),
         element_sets=_element_sets(given, blocks),
     )
@@ -153,13 +153,14 @@ def _choose_type(path: Path, given: Any) -> str:
     raise InputError(f"expected hexes or quads, got {', '.join(sorted(present)) or 'no cells'} in {path.name}")
 
 
-def _scalars(data: dict[str, Any]) -> dict[str, NDArray[Any]]:
-    scalars = {}
+def scalars(data: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Fields of one component each; those with several are parted into ``NAME_0`` and on."""
+    parted = {}
     for name, values in data.items():
         table = np.asarray(values).reshape(len(values), -1)
         names = [name] if table.shape[1] == 1 else [f"{name}_{c}" for c in range(table.shape[1])]
-        scalars.update({one: np.ascontiguousarray(table[:, c]) for c, one in enumerate(names)})
-    return scalars
+        parted.update({one: np.ascontiguousarray(table[:, c]) for c, one in enumerate(names)})
+    return parted
 
 
 def _own(data: dict[str, Any]) -> dict[str, Any]:

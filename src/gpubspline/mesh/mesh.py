@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.mesh import measure, structure
 from gpubspline.mesh.elements import Element, find_element
+from gpubspline.shown import shown
 
 Fields = dict[str, NDArray[Any]]
 
@@ -184,6 +185,24 @@ class Mesh:
     def with_cell_fields(self, fields: Fields) -> "Mesh":
         """Give the same mesh with more element fields, (m,) each; one of the same name is replaced."""
         return replace(self, cell_fields={**self.cell_fields, **fields})
+
+    def _repr_html_(self) -> str:
+        return str(shown("mesh_html", self))
+
+    def plot(self, field: str | None = None, **how: Any) -> Any:
+        """Draw the mesh: a picture that a notebook shows, and whose ``save`` writes a PNG.
+
+        Arguments
+        ---------
+        field: a field, or the beginning of one such as ``"E"``; von Mises stress, HU, E or the scaled Jacobian unless
+            told, the first that there is.
+        how: ``clip="x"``, ``edges=True``, ``view``, ``title``; see ``report.picture.draw_picture``.
+
+        Raises
+        ------
+        InputError where the mesh has no such field.
+        """
+        return shown("picture", self, field, **how)
 
     def to_meshio(self) -> Any:
         """Give a ``meshio.Mesh`` with all fields and sets."""

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Buffer, Device
+from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import shown
 
 WORST = 10
 """How many of the worst elements a ``Quality`` names."""
@@ -93,6 +94,9 @@ class Quality:
     worst_values: NDArray[np.float64]
     worst_centroids_mm: NDArray[np.float64]
 
+    def _repr_html_(self) -> str:
+        return str(shown("quality_html", self))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, for JSON."""
         rows = zip(self.worst.tolist(), self.worst_values.tolist(), self.worst_centroids_mm.tolist(), strict=True)
@@ -168,7 +172,10 @@ def merge(parts: Sequence[Quality], worst: int = WORST) -> Quality:
     )
 
 
-def assess(mesh: Mesh, device: Device) -> tuple[Mesh, Quality]:
-    """Give the mesh with its element field ``scaled_jacobian``, and the summary of it."""
-    values = scaled_jacobian(mesh, device)
+def assess(mesh: Mesh, device: Device | None = None) -> tuple[Mesh, Quality]:
+    """Give the mesh with its element field ``scaled_jacobian``, and the summary of it.
+
+    The device is ``open_device()`` unless told.
+    """
+    values = scaled_jacobian(mesh, device or open_device())
     return mesh.with_cell_fields({"scaled_jacobian": values}), summarise(mesh, values)

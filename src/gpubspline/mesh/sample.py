@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device
+from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh import measure, structure
 from gpubspline.mesh.elements import Element, find_element
@@ -30,7 +30,7 @@ def sample(
     *,
     order: int = 1,
     element_type: str | None = None,
-    device: Device,
+    device: Device | None = None,
 ) -> Mesh:
     """Sample a hyperpatch to a structured mesh; nodes midway along an edge lie on the patch, not on the chord.
 
@@ -40,6 +40,7 @@ def sample(
     nodes: samples per parameter, which are the corner nodes: (140, 140) gives 139 x 139 elements.
     order: 1 for quad4 or hex8, 2 for quad8 or hex20.
     element_type: one of ``elements.MESHABLE`` instead, such as ``"quad9"`` or ``"hex27"``.
+    device: where to evaluate; ``open_device()`` unless told.
 
     Returns
     -------
@@ -56,7 +57,7 @@ def sample(
     counts = structure.lattice_counts(element, nodes)
     check_size(prod(counts))
     parameters = [np.linspace(0.0, 1.0, n) for n in counts]
-    lattice = patch.evaluate_grid(parameters, device)
+    lattice = patch.evaluate_grid(parameters, device or open_device())
     mesh = from_lattice(lattice, patch.channels, element, nodes)
     if is_left_handed(mesh):
         mesh = from_lattice(lattice[::-1], patch.channels, element, nodes)

@@ -31,6 +31,11 @@ def write_histogram(quality: Quality, path: str | Path, title: str | None = None
     """
     path = Path(path)
     check_png(path)
+    save(draw_histogram(quality, title), path)
+
+
+def draw_histogram(quality: Quality, title: str | None = None) -> Figure:
+    """Draw what ``write_histogram`` writes."""
     figure = Figure(figsize=(7.2, 4.6), facecolor="white")
     axes = figure.add_axes((0.1, 0.13, 0.87, 0.68))
     _draw_bars(axes, quality)
@@ -39,7 +44,7 @@ def write_histogram(quality: Quality, path: str | Path, title: str | None = None
     figure.text(0.1, 0.885, _figures(quality), ha="left", va="top", fontsize=10, color=FAINT)
     if quality.inverted:
         figure.text(0.97, 0.955, _inverted(quality), ha="right", va="top", fontsize=11, color=ALARM, weight="bold")
-    save(figure, path)
+    return figure
 
 
 def _draw_bars(axes: Axes, quality: Quality) -> None:

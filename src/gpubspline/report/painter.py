@@ -50,7 +50,9 @@ class Shell:
         return np.asarray(np.divide(normal, length, out=np.zeros_like(normal), where=length > 0))
 
 
-def paint(axes: Axes, shell: Shell, camera: Camera, scale: ScalarMappable, *, flat: bool = False) -> None:
+def paint(
+    axes: Axes, shell: Shell, camera: Camera, scale: ScalarMappable, *, flat: bool = False, edges: bool | None = None
+) -> None:
     """Paint a shell.
 
     Arguments
@@ -60,13 +62,15 @@ def paint(axes: Axes, shell: Shell, camera: Camera, scale: ScalarMappable, *, fl
     camera: where it is seen from.
     scale: values to colours.
     flat: a plane mesh: seen from both sides, and not lit.
+    edges: whether edges of elements are drawn; where their size lets them be seen unless told.
     """
     normals = shell.normals
     seen = np.full(len(normals), True) if flat else normals @ camera.toward > 0
     picture, near = camera.project(shell.corners[seen])
     order = np.argsort(near.mean(axis=1), kind="stable")
     light = np.ones(len(order)) if flat else _light(normals[seen], camera)
-    _add(axes, picture[order], shell.values[seen][order], light[order], scale)
+    strength = _edge_strength(axes, picture) if edges is None else float(edges)
+    _add(axes, picture[order], shell.values[seen][order], light[order], scale, strength)
 
 
 def _light(normals: Floats, camera: Camera) -> Floats:
@@ -74,14 +78,13 @@ def _light(normals: Floats, camera: Camera) -> Floats:
     return np.asarray(AMBIENT + (1 - AMBIENT) * np.clip(normals @ lamp / np.linalg.norm(lamp), 0, 1))
 
 
-def _add(axes: Axes, corners: Floats, values: Floats, light: Floats, scale: ScalarMappable) -> None:
+def _add(axes: Axes, corners: Floats, values: Floats, light: Floats, scale: ScalarMappable, strength: float) -> None:
     """Add the polygons in painting order; an outline follows the patches of its quadrilateral and is hidden too."""
     splits = int(np.clip(np.sqrt(PATCHES / max(len(corners), 1)), 1, 12))
     patches, tints = _split(corners, splits), _split(values[..., None], splits)[..., 0].mean(axis=2)
     colours = scale.to_rgba(tints)
     colours[..., :3] *= light[:, None, None]
     outlines, smooth = np.zeros_like(colours), np.zeros(tints.shape, dtype=bool)
-    strength = _edge_strength(axes, corners)
     if strength > 0:
         patches = np.concatenate([patches, corners[:, None]], axis=1)
         outlines = np.concatenate([outlines, _edge_colours(colours, strength)[:, None]], axis=1)

@@ -1,6 +1,7 @@
 """A picture of a mesh coloured by a field, drawn without a display and without system graphics libraries."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,24 +20,20 @@ from gpubspline.report.skin import cut_skin, skin
 PANEL_INCH, BAR_INCH, HEADING_INCH, CAPTION_INCH, FOOT_INCH = 5.6, 1.55, 0.5, 0.28, 0.85
 """Size of the drawing of a body, and of what stands right of, above and below it."""
 
+AXES = "xyz"
+
 Panel = tuple[Shell, Camera, str]
 """What is seen, from where, and its caption."""
 
 
-def write_picture(
-    mesh: Mesh, path: str | Path, *, field: str = "HU", title: str | None = None, view: ArrayLike | None = None
-) -> None:
+def write_picture(mesh: Mesh, path: str | Path, **how: Any) -> None:
     """Write a PNG of a mesh coloured by a field, with a colour bar, a scale bar and the patient's axes.
-
-    A hex mesh is shown from outside and, beside it, cut through the middle; a quad mesh is shown flat.
 
     Arguments
     ---------
     mesh: with the field.
     path: a ``.png``, which appears whole or not at all.
-    field: a nodal field such as ``"HU"`` or ``"E_MPa"``, or an element field such as ``"scaled_jacobian"``.
-    title: the counts of elements and nodes unless told.
-    view: (3,) from the body to the viewer in LPS; from the front, left and above unless told.
+    how: see ``draw_picture``.
 
     Raises
     ------
@@ -44,30 +41,69 @@ def write_picture(
     """
     path = Path(path)
     check_png(path)
-    _check(mesh, field, view)
+    save(draw_picture(mesh, **how), path)
+
+
+def draw_picture(
+    mesh: Mesh,
+    *,
+    field: str = "HU",
+    title: str | None = None,
+    view: ArrayLike | None = None,
+    clip: str | None = None,
+    edges: bool | None = None,
+) -> Figure:
+    """Draw a mesh coloured by a field, with a colour bar, a scale bar and the patient's axes.
+
+    A hex mesh is shown from outside and, beside it, cut through the middle; a quad mesh is shown flat.
+
+    Arguments
+    ---------
+    mesh: with the field.
+    field: a nodal field such as ``"HU"`` or ``"E_MPa"``, or an element field such as ``"scaled_jacobian"``.
+    title: the counts of elements and nodes unless told.
+    view: (3,) from the body to the viewer in LPS; from the front, left and above unless told.
+    clip: ``"x"``, ``"y"`` or ``"z"``, to cut across it; along the greatest section unless told.
+    edges: whether edges of elements are drawn; where they can be seen unless told.
+
+    Raises
+    ------
+    InputError where the mesh has no such field, the view has no direction, or there is no such axis to cut across.
+    """
+    _check(mesh, field, view, clip)
     solid = mesh.element.dimension == 3
     outside = skin(mesh, field)
     # a cut shows what the outside does not have: both are coloured on the scale of all of the mesh
     scale, extend = quantity(field).scale(np.asarray((mesh.fields | mesh.cell_fields)[field]))
-    panels = _solid_panels(mesh, field, outside, view) if solid else [_flat_panel(outside, view)]
+    panels = _solid_panels(mesh, field, outside, view, clip) if solid else [_flat_panel(outside, view)]
     heading = title if title is not None else f"{mesh.n_elements:,} {mesh.element_type} · {mesh.n_nodes:,} nodes"
-    save(_draw(panels, heading, scale, (extend, quantity(field).label), flat=not solid), path)
+    return _draw(panels, heading, scale, (extend, quantity(field).label), flat=not solid, edges=edges)
 
 
-def _check(mesh: Mesh, field: str, view: ArrayLike | None) -> None:
+def _check(mesh: Mesh, field: str, view: ArrayLike | None, clip: str | None) -> None:
     if field not in mesh.fields and field not in mesh.cell_fields:
         known = ", ".join([*mesh.fields, *mesh.cell_fields]) or "none"
         raise InputError(f"expected a field of the mesh ({known}) to colour it by, got {field!r}")
     if view is not None and (np.shape(view) != (3,) or not 0 < float(np.linalg.norm(view)) < np.inf):
         raise InputError(f"expected a view of three numbers that are not all 0, got {view!r}")
+    check_clip(mesh, clip)
 
 
-def _solid_panels(mesh: Mesh, field: str, outside: Shell, view: ArrayLike | None) -> list[Panel]:
+def check_clip(mesh: Mesh, clip: str | None) -> None:
+    """Raise InputError where ``clip`` is not an axis to cut hexes across, or None."""
+    if clip is not None and (clip not in tuple(AXES) or mesh.element.dimension == 2):
+        raise InputError(f"expected a cut of hexes across x, y or z, got {clip!r} for {mesh.element_type}")
+
+
+def _solid_panels(mesh: Mesh, field: str, outside: Shell, view: ArrayLike | None, clip: str | None) -> list[Panel]:
     camera = Camera.looking(OBLIQUE if view is None else view)
-    half, normal = cut_skin(mesh, field, camera.toward)
+    half, normal = cut_skin(mesh, field, camera.toward, None if clip is None else AXES.index(clip))
     # the section nearly face-on, but turned a little to where the other panel is seen from, so that it has depth
     inside = Camera.looking(normal + 0.35 * (camera.toward - (camera.toward @ normal) * normal))
-    return [(outside, camera, "surface"), (half, inside, "cut through the middle")]
+    return [
+        (outside, camera, "surface"),
+        (half, inside, "cut through the middle" if clip is None else f"cut across {clip} at its middle"),
+    ]
 
 
 def _flat_panel(shell: Shell, view: ArrayLike | None) -> Panel:
@@ -78,7 +114,9 @@ def _flat_panel(shell: Shell, view: ArrayLike | None) -> Panel:
     return shell, Camera.looking(facing_a_plane(total) if view is None else view), ""
 
 
-def _draw(panels: list[Panel], heading: str, scale: ScalarMappable, bar: tuple[str, str], *, flat: bool) -> Figure:
+def _draw(
+    panels: list[Panel], heading: str, scale: ScalarMappable, bar: tuple[str, str], *, flat: bool, edges: bool | None
+) -> Figure:
     """Lay the panels out side by side, all on one scale and only as wide as the body needs."""
     frames = [_frame(shell, camera) for shell, camera, _ in panels]
     sizes = np.array([size for _, size in frames]).max(axis=0)
@@ -90,7 +128,7 @@ def _draw(panels: list[Panel], heading: str, scale: ScalarMappable, bar: tuple[s
     for number, (panel, (centre, _)) in enumerate(zip(panels, frames, strict=True)):
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         _place(axes, centre, panel_inch, mm_per_inch, left_inch=number * panel_inch[0])
-        _draw_panel(axes, panel, scale, flat=flat)
+        _draw_panel(axes, panel, scale, flat=flat, edges=edges)
         draw_patient_axes(figure, panel[1], corner_inch=(number * panel_inch[0] + 0.3, 0.25))
     draw_scale_bar(figure, mm_per_inch, right_inch=float(panel_inch[0] * len(panels) - 0.3))
     draw_colour_bar(figure, scale, *bar)
@@ -109,10 +147,10 @@ def _place(axes: Axes, centre: Floats, panel_inch: Floats, mm_per_inch: float, l
     axes.set_ylim(low[1], high[1])
 
 
-def _draw_panel(axes: Axes, panel: Panel, scale: ScalarMappable, *, flat: bool) -> None:
+def _draw_panel(axes: Axes, panel: Panel, scale: ScalarMappable, *, flat: bool, edges: bool | None) -> None:
     shell, camera, caption = panel
     axes.set_axis_off()
-    paint(axes, shell, camera, scale, flat=flat)
+    paint(axes, shell, camera, scale, flat=flat, edges=edges)
     axes.text(0.5, 1.0, caption, transform=axes.transAxes, ha="center", va="bottom", fontsize=10, color=FAINT)
 
 

@@ -1,5 +1,6 @@
 """How a field is coloured: one colour map, label and range per physical quantity."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from numpy.typing import NDArray
+
+from gpubspline.errors import InputError
 
 TISSUE = LinearSegmentedColormap.from_list("tissue", ["#2a2b45", "#6d3c50", "#b36350", "#dba071", "#f0d8a6", "#fffbf0"])
 """From air to cortical bone, lightness rising all the way, so that it also reads in grey."""
@@ -49,6 +52,11 @@ class Quantity:
         norm = LogNorm(low, high) if decades else Normalize(low, high)
         return ScalarMappable(norm, colours), extend[bool(below), bool(above)]
 
+    @staticmethod
+    def is_logarithmic(scale: ScalarMappable) -> bool:
+        """Whether a mapping that ``scale`` made goes by the logarithm."""
+        return isinstance(scale.norm, LogNorm)
+
 
 QUANTITIES = {
     "HU": Quantity("HU", TISSUE),
@@ -64,3 +72,36 @@ QUANTITIES = {
 def quantity(field: str) -> Quantity:
     """Look up how a field is shown; one that is not known gets its own name as the label."""
     return QUANTITIES.get(field, Quantity(field))
+
+
+FIRST = ("von_mises_mpa", "HU", "E_MPa", "scaled_jacobian")
+"""Fields that a mesh is coloured by where none is asked for, the first that it has."""
+
+
+def find_field(names: Sequence[str], wanted: str | None = None) -> str:
+    """Field of a name, or of the beginning of one, such as ``"E"`` for ``"E_MPa"``.
+
+    Arguments
+    ---------
+    names: the fields that a mesh has.
+    wanted: with ``-`` or ``_`` between words, in small or capital letters; None takes the first of ``FIRST``.
+
+    Raises
+    ------
+    InputError where the mesh has no such field, or several that begin so.
+    """
+    if wanted is None:
+        known = [name for name in FIRST if name in names]
+        if not names:
+            raise InputError("expected a mesh with a field to colour it by, got one without fields")
+        return (known or list(names))[0]
+    if wanted in names:
+        return wanted
+    start = wanted.lower().replace("-", "_")
+    found = [name for name in names if name.lower() == start] or [n for n in names if n.lower().startswith(start)]
+    whole = [name for name in found if name.lower().startswith(f"{start}_")]
+    found = whole if len(found) > 1 and len(whole) == 1 else found
+    if len(found) != 1:
+        kind = f", which begins {', '.join(found)}" if found else ""
+        raise InputError(f"expected a field of the mesh ({', '.join(names) or 'none'}), got {wanted!r}{kind}")
+    return found[0]

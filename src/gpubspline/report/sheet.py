@@ -1,5 +1,6 @@
 """The sheet that pictures are drawn on: ink, marks in inches from its lower left corner, and the file it becomes."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from matplotlib.image import imsave
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.ticker import FuncFormatter, LogLocator
+from numpy.typing import NDArray
 
 from gpubspline.errors import InputError
 from gpubspline.files import whole_file
@@ -28,15 +30,28 @@ def check_png(path: Path) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG, whole or not at all; drawn at twice the size and averaged, which smooths all of it."""
+    """Write a figure as a PNG, whole or not at all."""
+    pixels = rendered(figure)
+    with whole_file(path) as temporary:
+        imsave(temporary, pixels)
+
+
+def png(figure: Figure) -> bytes:
+    """Give a figure as the bytes of a PNG."""
+    file = BytesIO()
+    imsave(file, rendered(figure), format="png")
+    return file.getvalue()
+
+
+def rendered(figure: Figure) -> NDArray[np.uint8]:
+    """Pixels (h, w, 4) of a figure, drawn at twice the size and averaged, which smooths all of it."""
     figure.set_dpi(2 * DOTS_PER_INCH)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())
     height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
     small = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 4).mean(axis=(1, 3), dtype=np.float32)
-    with whole_file(path) as temporary:
-        imsave(temporary, np.round(small).astype(np.uint8))
+    return np.asarray(np.round(small).astype(np.uint8))
 
 
 def draw_patient_axes(figure: Figure, camera: Camera, corner_inch: tuple[float, float]) -> None:

@@ -23,7 +23,7 @@ def skin(mesh: Mesh, field: str) -> Shell:
     return _cells_skin(mesh, field, np.arange(mesh.n_elements))
 
 
-def cut_skin(mesh: Mesh, field: str, viewer: Floats) -> tuple[Shell, Floats]:
+def cut_skin(mesh: Mesh, field: str, viewer: Floats, axis: int | None = None) -> tuple[Shell, Floats]:
     """Skin of half a hex mesh, cut through its middle along its greatest section.
 
     Arguments
@@ -31,13 +31,14 @@ def cut_skin(mesh: Mesh, field: str, viewer: Floats) -> tuple[Shell, Floats]:
     mesh: hexes; a structured mesh is cut between two layers of elements, another one across an axis of the patient.
     field: nodal or element field.
     viewer: (3,) direction of the viewer in LPS; the half on that side is taken away.
+    axis: 0, 1, 2 to cut across x, y, z instead.
 
     Returns
     -------
     The skin of the other half, and the unit normal (3,) of the section, to the viewer's side.
     """
-    if mesh.structure is None:
-        return _plane_cut(mesh, field, viewer)
+    if axis is not None or mesh.structure is None:
+        return _plane_cut(mesh, field, viewer, int(np.argmin(np.ptp(mesh.points, axis=0))) if axis is None else axis)
     counts = structure.element_counts(mesh.structure)
     sections = [_section(mesh, axis) for axis in range(3)]
     axis = int(np.argmax([np.linalg.norm(section) for section in sections]))
@@ -77,9 +78,8 @@ def _elements(counts: tuple[int, ...], ranges: Ranges) -> Integers:
     return np.asarray(np.ravel_multi_index([index.ravel(order="F") for index in grid], counts, order="F"))
 
 
-def _plane_cut(mesh: Mesh, field: str, viewer: Floats) -> tuple[Shell, Floats]:
-    """Cut across the patient's axis along which the mesh is thinnest."""
-    axis = int(np.argmin(np.ptp(mesh.points, axis=0)))
+def _plane_cut(mesh: Mesh, field: str, viewer: Floats, axis: int) -> tuple[Shell, Floats]:
+    """Cut across an axis of the patient, between elements."""
     normal = np.eye(3)[axis] * (1.0 if viewer[axis] >= 0 else -1.0)
     height = mesh.points[mesh.cells[:, : mesh.element.n_corners]].mean(axis=1) @ normal
     middle = (height.min() + height.max()) / 2

@@ -8,6 +8,7 @@ from gpubspline.cli.commands import quality as quality
 from gpubspline.cli.commands import solve as solve
 from gpubspline.cli.commands import export as export
 from gpubspline.cli.commands import batch as batch
+from gpubspline.cli.commands import view as view
 from gpubspline.cli.commands import info as info
 from gpubspline.cli.commands import phantom as phantom
 from gpubspline.cli.commands import laws as laws

@@ -41,7 +41,7 @@ def slices(volume: Volume, mesh: Mesh) -> dict[str, Any]:
         "affine": affine.tolist(),
         "window": [round(float(low)), round(float(high))],
         "grey": pack(grey),
-        "views": [view for view in _views(affine) if min(shape[view["right"]], shape[view["up"]]) > 1],
+        "views": [view for view in views(affine) if min(shape[view["right"]], shape[view["up"]]) > 1],
         "note": _note(volume, affine),
     }
 
@@ -70,7 +70,7 @@ def _averaged(hu: NDArray[Any], affine: NDArray[np.float64]) -> tuple[NDArray[np
     return np.ascontiguousarray(block), affine
 
 
-def _views(affine: NDArray[np.float64]) -> list[dict[str, Any]]:
+def views(affine: NDArray[np.float64]) -> list[dict[str, Any]]:
     """For axial, coronal and sagittal slices: the index axis across them, and how the others lie on the picture."""
     directions = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
     nearest = max(permutations(range(3)), key=lambda p: sum(abs(directions[x, i]) for x, i in enumerate(p)))

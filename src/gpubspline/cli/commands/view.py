@@ -1,0 +1,62 @@
+"""A look at a mesh file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options.groups import option
+from gpubspline.errors import BackendUnavailable
+from gpubspline.files import check_apart, check_writable
+
+
+@app.command()
+def view(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="any mesh file meshio reads", show_default=False)],
+    field: Annotated[
+        str | None,
+        option("Picture", "field that colours it, or the beginning of one (default: stress, HU, E)", metavar="NAME"),
+    ] = None,
+    clip: Annotated[
+        str | None, option("Picture", "cut across an axis (default: along the greatest section)", metavar="x|y|z")
+    ] = None,
+    edges: Annotated[bool, option("Picture", "draw the elements' edges, however small", "--edges")] = False,
+    output: Annotated[
+        Path | None,
+        option(
+            "Output",
+            "picture, .png (default: a window, or MESH.png without a screen)",
+            "--output",
+            "-o",
+            metavar="FILE",
+        ),
+    ] = None,
+) -> None:
+    """Look at a mesh: a window where there is a screen, a PNG where not."""
+    from gpubspline.export import read_mesh
+    from gpubspline.mesh.quality import assess
+    from gpubspline.report.picture import check_clip, write_picture
+    from gpubspline.report.quantity import find_field
+    from gpubspline.report.sheet import check_png
+    from gpubspline.report.window import has_screen, open_window
+
+    path = output or Path(mesh.name).with_suffix(".png")
+    if output is not None or not has_screen():
+        check_png(path)
+        check_writable(path)
+        check_apart([path], [mesh])
+    found = read_mesh(mesh)
+    if not found.fields and not found.cell_fields:
+        found, _ = assess(found)
+    name = find_field([*found.fields, *found.cell_fields], field)
+    check_clip(found, clip)
+    if output is None and has_screen():
+        try:
+            open_window(found, name, clip=clip, edges=edges).show()
+            return
+        except BackendUnavailable as error:
+            typer.echo(f"gpubspline: warning: no window: {error}", err=True)
+            check_writable(path)
+    write_picture(found, path, field=name, clip=clip, edges=True if edges else None)
+    typer.echo(f"wrote {path}, coloured by {name}")
