@@ -327,10 +327,11 @@ inline real least_round(__global const real *x, int n, __global const int *nodes
 }
 
 // Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
-// corners it has a part in: the best of 14 directions, again from there, `step` halved `halvings` times where none helps.
+// corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` halved `halvings` times
+// where none helps.
 __kernel void improve(__global real *x, int n, __global const int *nodes, int m, __global const int *start,
                       __global const int *slots, __global const real *slack, __global const int *levels,
-                      __global const int *moved, int begin, int count, real step, int halvings, int tries,
+                      __global const int *moved, int begin, int count, real floor, real step, int halvings, int tries,
                       __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index)
 {
     int item = get_global_id(0);
@@ -343,7 +344,7 @@ __kernel void improve(__global real *x, int n, __global const int *nodes, int m,
     int first = start[i], last = start[i + 1];
     point p = at_node(x, n, i);
     real least = least_round(x, n, nodes, m, slots, first, last, p);
-    for (int turn = 0, halved = 0; turn < tries && halved <= halvings; turn++) {
+    for (int turn = 0, halved = 0; turn < tries && halved <= halvings && least < floor; turn++) {
         point best = p;
         real best_least = least;
         for (int way = 0; way < 14; way++) {

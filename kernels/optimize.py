@@ -485,6 +485,7 @@ def improve(
     moved: wp.array(dtype=wp.int32),
     begin: wp.int32,
     count: wp.int32,
+    floor: Any,
     step: Any,
     halvings: wp.int32,
     tries: wp.int32,
@@ -497,7 +498,8 @@ def improve(
 ):
     """Raise the least scaled Jacobian round each of the nodes ``moved`` (count), no two of which share an element.
 
-    The best of 14 directions, again from there, ``step`` halved ``halvings`` times where none helps.
+    To ``floor`` if it can: the best of 14 directions, again from there, ``step`` halved ``halvings`` times where none
+    helps.
     """
     i = moved[begin + wp.tid() + first]
     loose = slack[i]
@@ -508,7 +510,7 @@ def improve(
     length = x.dtype(1.0) * step
     halved = wp.int32(0)
     for _turn in range(tries):
-        if halved <= halvings:
+        if halved <= halvings and least < floor:
             best = p
             best_least = least
             for way in range(14):

@@ -1,13 +1,13 @@
 """Raise the worst scaled Jacobian of hexes: descent of an energy, then single nodes against the worst corners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer
-from gpubspline.mesh.movable import Goal, Movable
+from gpubspline.mesh.movable import FREE, Goal, Movable
 from gpubspline.mesh.quasi_newton import descend
 
 CAP = 0.3
@@ -26,50 +26,108 @@ CEILING = 0.75
 """Highest floor tried. Four hexes round a convex corner of a core allow 4 / (3 sqrt 3) = 0.77."""
 
 RISE = 0.05
-"""From one floor to the next, at least."""
+"""From one floor to the next."""
 
-SWEEPS = 6
+SWEEPS = 4
 """Most rounds of moves of single nodes at a floor."""
 
 REACH, HALVINGS, TRIES = 0.1, 4, 8
 """First step of a single node, in target lengths, how often it is halved, and most steps it takes."""
 
+TANGLED, LOOSE = 0.3, (0.5, 1.0)
+"""Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths."""
+
+POOR, SLACK = 0.6, (0.1, 0.2, 0.3)
+"""The same for hexes that no floor below this was reached for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Nodes on a device and the least scaled Jacobian of the hexes between them."""
+    """Nodes (3, n) on a device, the least scaled Jacobian between them, and how far each may be off the surface."""
 
     x: Buffer
     least: float
+    slack: NDArray[Any]
 
 
-def improve(hexes: Movable, colours: NDArray[Any], x: Buffer, *, goal: float = CEILING, steps: int = 80) -> Placed:
-    """Lower the energy of all hexes, then raise the floor under the worst as far as ``goal``.
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """What is done to improve hexes; the bench switches parts off.
+
+    Attributes
+    ----------
+    goal: floor beyond which nothing is asked.
+    steps, floor_steps: of descent, of all hexes and at each floor.
+    sweeps: most rounds of moves of single nodes at each floor.
+    loosen: whether surface nodes may leave the surface where hexes stay poor.
+    """
+
+    goal: float = CEILING
+    steps: int = 80
+    floor_steps: int = 60
+    sweeps: int = SWEEPS
+    loosen: bool = True
+
+
+def improve(
+    hexes: Movable, colours: NDArray[Any], x: Buffer, slack: NDArray[Any], effort: Effort | None = None
+) -> Placed:
+    """Lower the energy of all hexes, then raise the floor under the worst.
 
     Arguments
     ---------
     colours: (n,) from 0; nodes of one colour share no hex.
     x: (3, n) on the hexes' device; what it holds is lost.
+    slack: (n,) of the hexes.
     """
-    x, _ = descend(hexes, x, Goal(1.0, 2, EDGES), steps=steps, cap=CAP)
-    best = placed(hexes, x)
-    floor = max(0.1, best.least + 0.5 * RISE)
-    while best.least < goal:
-        floor = min(floor, goal)
-        best = _better(best, raise_to(hexes, colours, copy(hexes, best.x), floor))
-        if floor >= goal:
+    effort = effort or Effort()
+    best = relaxed(hexes, x, slack, effort)
+    for loose in LOOSE if effort.loosen else ():
+        if best.least >= TANGLED:
+            break
+        slack = loosened(hexes, best, TANGLED, loose, rings=1)
+        hexes = hexes.with_slack(slack)
+        best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
+    best = climb(hexes, colours, best, effort)
+    for loose in SLACK if effort.loosen else ():
+        if best.least >= min(POOR, effort.goal):
+            break
+        slack = loosened(hexes, best, POOR, loose, rings=2)
+        hexes = hexes.with_slack(slack)
+        best = climb(hexes, colours, replace(best, slack=slack), effort)
+    return best
+
+
+def relaxed(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Placed:
+    """Lower the energy of all hexes."""
+    x, _ = descend(hexes, x, Goal(1.0, 2, EDGES), steps=effort.steps, cap=CAP)
+    return placed(hexes, x, slack)
+
+
+def climb(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Raise floor after floor, until two in turn are not reached."""
+    missed, floor = 0, max(0.1, best.least + 0.5 * RISE)
+    x = best.x
+    while best.least < effort.goal and missed < 2:
+        floor = min(floor, effort.goal)
+        made = raise_to(hexes, colours, copy(hexes, x), floor, best.slack, effort)
+        missed = 0 if made.least >= floor else missed + 1
+        best, x = _better(best, made), made.x
+        if floor >= effort.goal:
             break
         floor = max(floor + RISE, best.least + 0.5 * RISE)
     return best
 
 
-def raise_to(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, steps: int = 60) -> Placed:
+def raise_to(
+    hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, slack: NDArray[Any], effort: Effort
+) -> Placed:
     """Bring the hexes at x to a floor, as many as will go."""
-    x, _ = descend(hexes, x, Goal(floor + AHEAD, 2, FLOOR_EDGES), steps=steps, cap=CAP)
-    for _ in range(SWEEPS):
+    x, _ = descend(hexes, x, Goal(floor + AHEAD, 2, FLOOR_EDGES), steps=effort.floor_steps, cap=CAP)
+    for _ in range(effort.sweeps):
         if not sweep(hexes, colours, x, floor):
             break
-    return placed(hexes, x)
+    return placed(hexes, x, slack)
 
 
 def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int:
@@ -83,14 +141,24 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     moved, device = hexes.device.put(nodes), hexes.device
     table = (hexes.nodes, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
     for first, count in zip(np.cumsum(counts) - counts, counts, strict=True):
-        how = (int(first), int(count), REACH, HALVINGS, TRIES, *hexes.level.arguments)
+        how = (int(first), int(count), float(floor), REACH, HALVINGS, TRIES, *hexes.level.arguments)
         device.launch("optimize.improve", int(count), x, hexes.n_nodes, *table, *how)
     return len(nodes)
 
 
-def placed(hexes: Movable, x: Buffer) -> Placed:
+def loosened(hexes: Movable, at: Placed, floor: float, loose: float, rings: int) -> NDArray[Any]:
+    """Slack (n,) with that of surface nodes within some rings of hexes below a floor raised to ``loose``."""
+    near = np.zeros(hexes.n_nodes, dtype=bool)
+    near[hexes.cells[hexes.scaled_jacobian(at.x) < floor]] = True
+    for _ in range(rings - 1):
+        near[hexes.cells[near[hexes.cells].any(axis=1)]] = True
+    sliding = (at.slack >= 0) & (at.slack < FREE)
+    return np.where(near & sliding, np.maximum(at.slack, loose), at.slack)
+
+
+def placed(hexes: Movable, x: Buffer, slack: NDArray[Any]) -> Placed:
     """Nodes with their least scaled Jacobian."""
-    return Placed(x, float(hexes.scaled_jacobian(x).min()))
+    return Placed(x, float(hexes.scaled_jacobian(x).min()), slack)
 
 
 def copy(hexes: Movable, x: Buffer) -> Buffer:

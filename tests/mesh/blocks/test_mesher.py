@@ -6,6 +6,7 @@ import pytest
 from gpubspline.ct.region import Region
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.distance import surface_distance
 from gpubspline.mesh.quality import assess
 
 
@@ -42,11 +43,14 @@ def check(made, region, device, floor):
 @pytest.mark.parametrize(("body", "euler"), [(ball, 1), (torus, 0)])
 def test_bodies(body, euler, device):
     region = region_of(body, (-20, -20, -14), (20, 20, 14), 1.0)
-    made = blocks_mesh(region, 2.0, device=device)
+    size = 1.8
+    made = blocks_mesh(region, size, device=device)
     mesh = check(made, region, device, 0.65)
     assert made.report.euler["mesh"] == euler
-    surface = mesh.points[mesh.node_sets["surface"]].astype(float)
-    assert np.abs(body(surface)).max() < 0.1  # a twentieth of an element
+    assert mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.01)
+    off = surface_distance(mesh, region, device)
+    assert off.mean < 0.02 * size and off.max < 0.25 * size
+    assert made.report.off_surface_nodes["count"] == 0 and not made.report.lost_features
     faces = mesh.boundary()
     assert np.array_equal(np.unique(faces), mesh.node_sets["surface"])
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
 
@@ -35,6 +36,14 @@ def count_neighbours(cells: Cells) -> NDArray[np.uint8]:
             window[axis] = side
             total += padded[tuple(window)]
     return total
+
+
+def largest_body(cells: Cells) -> Cells:
+    """Keep the largest of the bodies that cell faces connect; of equal ones the first."""
+    labels, count = label(cells)
+    if count < 2:
+        return cells
+    return np.asarray(labels == 1 + int(np.argmax(np.bincount(labels.reshape(-1))[1:])))
 
 
 def euler_characteristic(cells: Cells) -> int:

@@ -4,7 +4,7 @@ Everything in this package happens in **lattice units**: the element size is 1, 
 distances count in elements. ``LevelSet.to_mm`` is the way back.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -34,6 +34,15 @@ CLIP = 3.0
 
 SMALLEST_CAVITY = 4.0
 """Volume, in elements, below which an enclosed cavity is filled: a sphere of two elements across."""
+
+MOST_BULGE = 0.1
+"""Farthest, in elements, that nodes are set outside the surface for the chords between them."""
+
+CLOSING = 0.5
+"""Radius, in elements, of the ball that must fit in what stays outside."""
+
+GROOVE = 0.25
+"""Depth, in elements, of the groove left at the mouth of a closed crack: more than distances between samples err."""
 
 _CHUNK = 1 << 22
 """Samples of the region taken at a time, which bounds the memory."""
@@ -115,6 +124,7 @@ def level_set(
     rotation: Floats | None = None,
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
     smoothing: float = SMOOTHING,
+    closing: float = CLOSING,
     device: Device,
 ) -> LevelSet:
     """Sample the region's distance on a lattice, smooth it, keep the largest body and fill small cavities.
@@ -127,6 +137,7 @@ def level_set(
     rotation: (3, 3), columns are the lattice's axes; None takes the patient's.
     offset: of the lattice against the region, in elements.
     smoothing: standard deviation of the Gaussian, in elements.
+    closing: radius of the ball that must fit in what stays outside, in elements.
 
     Raises
     ------
@@ -137,8 +148,22 @@ def level_set(
     rotation = np.eye(3) if rotation is None else rotation
     frame = lattice_frame(region, size_mm, rotation, offset)
     shape = tuple(SAMPLES * n + 1 for n in lattice_cells(region, size_mm, rotation))
-    phi = _smooth(_sampled(region, frame, shape, device) / np.float32(size_mm), smoothing * SAMPLES)
-    return replace(LevelSet(phi, size_mm, frame), phi=_one_body(phi, region, size_mm))
+    phi = close_cracks(_sampled(region, frame, shape, device) / np.float32(size_mm), closing)
+    phi = _smooth(phi, smoothing * SAMPLES)
+    return LevelSet(_one_body(phi, region, size_mm), size_mm, frame)
+
+
+def bulged(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Move the zero level by the mean sag of bilinear faces of one element between nodes on it.
+
+    Across a curvature c a chord of length 1 sags by c / 12 on average. Nodes that lie so much farther out leave as
+    much of the mesh outside the surface as inside, and its volume right to second order.
+    """
+    bent = np.zeros_like(phi)
+    for axis in range(3):
+        line, out = np.moveaxis(phi, axis, 0), np.moveaxis(bent, axis, 0)
+        out[SAMPLES:-SAMPLES] += line[2 * SAMPLES :] - 2 * line[SAMPLES:-SAMPLES] + line[: -2 * SAMPLES]
+    return np.asarray(phi - np.clip(bent / np.float32(12), -MOST_BULGE, MOST_BULGE), dtype=np.float32)
 
 
 def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:
@@ -173,6 +198,20 @@ def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     once = gaussian_filter(phi, sigma, truncate=3.0, mode="nearest")
     twice = gaussian_filter(once, sigma, truncate=3.0, mode="nearest")
     return np.asarray(2 * once - twice, dtype=np.float32)
+
+
+def close_cracks(phi: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
+    """Fill what is outside but nowhere as wide as a ball of ``radius`` elements: cracks, pores, thin tunnels.
+
+    Morphological closing: grown by the radius, then shrunk by it. Only what ends up deeper inside than ``GROOVE`` is
+    taken, so that the surface stays exact elsewhere.
+    """
+    if radius == 0:
+        return phi
+    grown = sitk.GetImageFromArray((phi < radius).astype(np.uint8))
+    depth = sitk.GetArrayFromImage(sitk.SignedMaurerDistanceMap(grown, True, False, False))
+    shrunk = np.float32(radius) - depth / np.float32(SAMPLES)
+    return np.asarray(np.minimum(phi, shrunk + np.float32(GROOVE)), dtype=np.float32)
 
 
 def _one_body(phi: NDArray[np.float32], region: Region, size_mm: float) -> NDArray[np.float32]:

@@ -1,22 +1,52 @@
 """All-hexahedral meshes of any topology by threshold or mask: ``method="blocks"``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
-from gpubspline.mesh.blocks.core import cell_means, core_cells, euler_characteristic
-from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet, level_set
+from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
+from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet, bulged, level_set
 from gpubspline.mesh.blocks.pillow import Pillowed, pillow
+from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.blocks.start import start
-from gpubspline.mesh.improve import improve
+from gpubspline.mesh.improve import POOR, Effort, improve
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import FREE, Movable, movable, put_level
+from gpubspline.mesh.movable import FREE, movable, put_level
+
+ATTEMPTS = 4
+"""Most places of the lattice that are tried."""
+
+GOLDEN = 0.8191725133961645
+"""Its powers, times the number of the attempt, spread the lattice's offsets evenly. Source: Roberts 2018, R3."""
+
+ON_SURFACE = 0.01
+"""A node farther from the surface, in elements, counts as off it."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One place of the lattice: its offset, in elements, and what came of it."""
+
+    offset: tuple[float, float, float]
+    elements: int
+    min_scaled_jacobian: float
+    euler: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {
+            "offset": list(self.offset),
+            "elements": self.elements,
+            "min_scaled_jacobian": self.min_scaled_jacobian,
+            "euler": self.euler,
+        }
 
 
 @dataclass(frozen=True)
@@ -27,9 +57,11 @@ class BlocksReport:
     ----------
     size_mm: of an element.
     min_scaled_jacobian: of the worst hex.
-    euler: Euler characteristic of the mesh and of the region, ``{"mesh": 1, "region": 1}``.
+    euler: Euler characteristic of the mesh and of the region's level set, ``{"mesh": 1, "region": 1}``.
     repaired_cells: cells of the core that were flipped to make its boundary a manifold.
-    off_surface_nodes: surface nodes that had to leave the level set: ``{"count": 0, "max_mm": 0.0}``.
+    off_surface_nodes: surface nodes that had to leave the surface: ``{"count": 0, "max_mm": 0.0}``.
+    lost_features: parts of the region too thin for the lattice, farthest out first.
+    attempts: places of the lattice that were tried; the mesh is the best of them.
     """
 
     size_mm: float
@@ -37,15 +69,19 @@ class BlocksReport:
     euler: dict[str, int]
     repaired_cells: int
     off_surface_nodes: dict[str, float]
+    lost_features: tuple[LostFeature, ...]
+    attempts: tuple[Attempt, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON."""
+        """Plain numbers and lists, for JSON."""
         return {
             "size_mm": self.size_mm,
             "min_scaled_jacobian": self.min_scaled_jacobian,
             "euler": dict(self.euler),
             "repaired_cells": self.repaired_cells,
             "off_surface_nodes": dict(self.off_surface_nodes),
+            "lost_features": [feature.to_dict() for feature in self.lost_features],
+            "attempts": [attempt.to_dict() for attempt in self.attempts],
         }
 
 
@@ -58,17 +94,29 @@ class Blocks:
     report: BlocksReport
 
 
-def blocks_mesh(region: Region, size_mm: float, *, device: Device) -> Blocks:
+def blocks_mesh(
+    region: Region,
+    size_mm: float,
+    *,
+    device: Device,
+    attempts: int = ATTEMPTS,
+    rotation: NDArray[np.float64] | None = None,
+    effort: Effort | None = None,
+) -> Blocks:
     """Mesh a region of any topology with hexes of about one size, none inverted.
 
     Cells of a lattice that lie inside are the core; a layer of hexes grows from its boundary to the region's surface;
-    nodes then move until the worst hex is as good as it gets, those of the surface along the surface.
+    nodes then move until the worst hex is as good as it gets, those of the surface along the surface. Where the worst
+    stays poor or the topology differs, the lattice is shifted and all is done again.
 
     Arguments
     ---------
     region: mask and signed distance, of a CT or of a closed surface; where it meets the border of its grid, the
         outermost voxel centres bound it.
     size_mm: of an element.
+    attempts: most places of the lattice that are tried.
+    rotation: (3, 3), columns are the lattice's axes; None takes the patient's.
+    effort: what is done to improve the hexes.
 
     Returns
     -------
@@ -78,44 +126,92 @@ def blocks_mesh(region: Region, size_mm: float, *, device: Device) -> Blocks:
     ------
     InputError where nothing is as thick as an element; MeshError where no mesh without inverted hexes was found.
     """
-    level = level_set(region, size_mm, device=device)
-    means = cell_means(level)
-    cells, flips, unsound = repair(core_cells(means), means)
-    if not cells.any():
-        raise InputError(
-            f"expected a region thicker than an element of {size_mm:g} mm, got none: ask for a smaller size"
-        )
-    if len(unsound):
-        raise MeshError(_porous(unsound, level))
+    best: Blocks | None = None
+    tried: list[Attempt] = []
+    failure = MeshError(f"expected at least one attempt, got {attempts}")
+    for number in range(attempts):
+        offset = _offset(number)
+        level = level_set(region, size_mm, rotation=rotation, offset=offset, device=device)
+        try:
+            made = mesh_level_set(level, device, effort)
+        except MeshError as error:
+            failure = error
+            continue
+        report = made.report
+        tried.append(Attempt(offset, made.mesh.n_elements, report.min_scaled_jacobian, report.euler["mesh"]))
+        if best is None or _merit(made) > _merit(best):
+            best = made
+        if _merit(best) >= (True, POOR):
+            break
+    if best is None:
+        raise failure
+    return replace(best, report=replace(best.report, attempts=tuple(tried)))
+
+
+def _offset(number: int) -> tuple[float, float, float]:
+    first, second, third = (round((number * GOLDEN**power) % 1, 4) for power in (1, 2, 3))
+    return first, second, third
+
+
+def _merit(made: Blocks) -> tuple[bool, float]:
+    """Right topology first, then the worst hex."""
+    euler = made.report.euler
+    return euler["mesh"] == euler["region"], made.report.min_scaled_jacobian
+
+
+def mesh_level_set(level: LevelSet, device: Device, effort: Effort | None = None) -> Blocks:
+    """Mesh the inside of a level set on its own lattice.
+
+    Raises
+    ------
+    InputError where no cell is inside; MeshError where a hex stays inverted.
+    """
+    cells, flips = _core(level)
     hexes = pillow(cells)
-    nodes = movable(hexes.cells, hexes.n_nodes, surface_slack(hexes), on_device(level, device), device)
-    best = improve(nodes, hexes.colours, start(hexes, nodes))
+    reached = within_reach(bulged(level.phi), cells)
+    on_device = put_level(reached, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
+    slack = np.where(np.arange(hexes.n_nodes) < hexes.n_core, FREE, 0.0)
+    nodes = movable(hexes.cells, hexes.n_nodes, slack, on_device, device)
+    best = improve(nodes, hexes.colours, start(hexes, nodes), slack, effort)
+    points = np.array(device.get(best.x)).reshape(3, -1).T
     if not best.least > 0:
-        raise MeshError(_inverted(nodes, best.x, level))
+        raise MeshError(_inverted(nodes.scaled_jacobian(best.x), points[hexes.cells], level))
     report = BlocksReport(
-        size_mm=size_mm,
+        size_mm=level.size_mm,
         min_scaled_jacobian=best.least,
         euler={"mesh": euler_characteristic(cells), "region": euler_characteristic(level.inside)},
         repaired_cells=flips,
-        off_surface_nodes={"count": 0, "max_mm": 0.0},
+        off_surface_nodes=_off_surface(points[hexes.n_core :], reached, level.size_mm),
+        lost_features=lost_features(level, reached),
+        attempts=(),
     )
-    return Blocks(_mesh(hexes, device.get(best.x), level), level, report)
+    return Blocks(_mesh(hexes, points, level), level, report)
 
 
-def on_device(level: LevelSet, device: Device) -> Any:
-    """Bring a level set in lattice units to a device."""
-    return put_level(level.phi, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
+def _core(level: LevelSet) -> tuple[Cells, int]:
+    """Repaired core of one body, and how many cells the repair flipped."""
+    means = cell_means(level)
+    cells, flips, unsound = repair(core_cells(means), means)
+    if len(unsound):
+        raise MeshError(
+            f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places are left, the first at "
+            f"{_place(level, unsound[0][::-1])}; close the region's pores first or ask for a smaller size"
+        )
+    if not cells.any():
+        raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
+    return largest_body(cells), flips
 
 
-def surface_slack(hexes: Pillowed) -> NDArray[np.float64]:
-    """Slack (n,): none for the nodes of the surface."""
-    return np.where(np.arange(hexes.n_nodes) < hexes.n_core, FREE, 0.0)
+def _off_surface(points: NDArray[Any], reached: NDArray[np.float32], size_mm: float) -> dict[str, float]:
+    off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
+    far = off > ON_SURFACE
+    return {"count": int(np.count_nonzero(far)), "max_mm": float(off[far].max(initial=0.0)) * size_mm}
 
 
-def _mesh(hexes: Pillowed, x: NDArray[Any], level: LevelSet) -> Mesh:
+def _mesh(hexes: Pillowed, points: NDArray[Any], level: LevelSet) -> Mesh:
     surface = np.arange(hexes.n_core, hexes.n_nodes, dtype=np.int32)
     return Mesh(
-        level.in_mm(x.reshape(3, -1).T).astype(x.dtype),
+        level.in_mm(points).astype(points.dtype),
         "hex8",
         connectivity=hexes.cells,
         node_sets={"surface": surface},
@@ -123,21 +219,11 @@ def _mesh(hexes: Pillowed, x: NDArray[Any], level: LevelSet) -> Mesh:
     )
 
 
-def _porous(unsound: NDArray[np.int64], level: LevelSet) -> str:
-    return (
-        f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places left, the first at "
-        f"{_place(level, unsound[0][::-1])}; close the region's pores first or ask for a smaller size"
-    )
-
-
-def _inverted(nodes: Movable, x: Any, level: LevelSet) -> str:
-    values = nodes.scaled_jacobian(x)
-    worst = nodes.cells[np.argmin(values)]
-    centre = nodes.device.get(x).reshape(3, -1).T[worst].mean(axis=0)
+def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> str:
     return (
         f"{np.count_nonzero(values <= 0)} of {values.size:,} hexes stayed inverted, the worst at "
-        f"{_place(level, centre)}: features there are thinner than an element of {level.size_mm:g} mm; ask for a "
-        "smaller size or close the region's pores first"
+        f"{_place(level, corners[np.argmin(values)].mean(axis=0))}: features there are thinner than an element of "
+        f"{level.size_mm:g} mm; ask for a smaller size or close the region's pores first"
     )
 
 
