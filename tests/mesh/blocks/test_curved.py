@@ -28,7 +28,8 @@ def test_curved_blocks_follow_the_level_set(device: Device) -> None:
     hex27 = curved.sample(1, "hex27")
     straight, bent = (abs(mesh.volume_mm3 / level - 1) for mesh in (made.mesh, hex27))
     assert bent < 0.002 and bent < straight / 8
-    assert assess(hex27, device)[1].min == pytest.approx(made.report.min_scaled_jacobian, abs=1e-3)
+    # corners come back by the sag that straight faces need them outside for: a fiftieth of an element
+    assert assess(hex27, device)[1].min == pytest.approx(made.report.min_scaled_jacobian, abs=0.02)
     assert abs(level / (2 * np.pi**2 * 12 * 25) - 1) < 0.01
 
 
