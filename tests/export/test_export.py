@@ -2,13 +2,14 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
 from gpubspline.errors import GpubsplineWarning, InputError
-from gpubspline.export import can_read, check_extension, extensions, formats, read_mesh, write
+from gpubspline.export import Format, can_read, check_extension, extensions, formats, read_mesh, write
 from gpubspline.export.other import FORMATS
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
@@ -239,3 +240,14 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
     (tmp_path / "model.vtkhdf").touch()
     with pytest.raises(InputError, match="pip install h5py"):
         read_mesh(tmp_path / "model.vtkhdf")
+
+
+def test_a_format_of_ones_own(tmp_path: Path) -> None:
+    seen = []
+    form = Format("own", (".own",), ("hex8",), lambda deck, path: seen.append((deck.mesh.n_nodes, path)), fields=True)
+    axes = np.stack(np.meshgrid(*[np.arange(2.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3, order="F")
+    mesh = Mesh(axes, "hex8", structure=(2, 2, 2), fields={"HU": np.zeros(8)})
+    write(mesh, tmp_path / "m.own", format=form)
+    assert seen == [(8, tmp_path / "m.own")]
+    with pytest.raises(InputError, match=r"elements of hex8 for \.own"):
+        write(Mesh(axes[:4], "quad4", structure=(2, 2)), tmp_path / "m.own", format=form)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gpubspline.errors import BackendUnavailable, InputError
 
 BACKENDS = ("warp", "opencl")
+KERNELS = "gpubspline.kernels"
 Buffer = Any
 """An array that lives on a device; only its device can look inside."""
 
@@ -49,6 +50,9 @@ class Device(Protocol):
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run ``"file.kernel"`` over ``dim`` work items, the last dimension fastest.
 
+        A kernel of another package is ``"package.file.kernel"``; its twins are ``package/file.py`` and
+        ``package/file.cl``.
+
         Python integers are passed as int32, Python floats as ``real``.
         """
 
@@ -58,6 +62,12 @@ class Device(Protocol):
 
 def quietly(kernel: str) -> None:
     """Say nothing of a kernel that is built: ``on_build`` of a device that nobody watches."""
+
+
+def find_kernel(kernel: str) -> tuple[str, str]:
+    """Module and name of ``"file.kernel"``, which is of ``gpubspline.kernels``, or ``"package.file.kernel"``."""
+    module, _, name = kernel.rpartition(".")
+    return (module if "." in module else f"{KERNELS}.{module}"), name
 
 
 @cache

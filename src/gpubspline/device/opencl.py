@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, quietly
+from gpubspline.device import KERNELS, Device, find_kernel, quietly
 from gpubspline.device.pocl import name_processor
 from gpubspline.errors import BackendUnavailable
 
@@ -131,13 +131,14 @@ class OpenCLDevice:
 
     def _kernel(self, kernel: str) -> tuple[Any, bool]:
         if kernel not in self._kernels:
-            file = kernel.partition(".")[0]
-            text = _source(file)
+            prefix, (module, _) = kernel.rpartition(".")[0], find_kernel(kernel)
+            package, _, file = module.rpartition(".")
+            text = _source(file, package=package)
             self.on_build(kernel)
             program = self._opencl.Program(self._context, _source("lanes", "h") + text).build(options=self._options)
             self.on_build("")
             for hint, name, _ in SIGNATURE.findall(text):
-                self._kernels[f"{file}.{name}"] = (self._opencl.Kernel(program, name), bool(hint))
+                self._kernels[f"{prefix}.{name}"] = (self._opencl.Kernel(program, name), bool(hint))
         return self._kernels[kernel]
 
     @cached_property
@@ -152,8 +153,8 @@ class OpenCLDevice:
 
 
 @cache
-def _source(file: str, ending: str = "cl") -> str:
-    return (resources.files("gpubspline.kernels") / f"{file}.{ending}").read_text()
+def _source(file: str, ending: str = "cl", package: str = KERNELS) -> str:
+    return (resources.files(package) / f"{file}.{ending}").read_text()
 
 
 def _devices() -> list[tuple[str, Any]]:

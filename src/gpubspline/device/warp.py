@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, quietly
+from gpubspline.device import Device, find_kernel, quietly
 from gpubspline.errors import BackendUnavailable, InputError
 
 
@@ -91,8 +91,8 @@ class WarpDevice:
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel, in vectors of lanes where it is written so; see ``kernels/lanes.py``."""
-        file, _, name = kernel.partition(".")
-        function = getattr(importlib.import_module(f"gpubspline.kernels.{file}"), name)
+        module, name = find_kernel(kernel)
+        function = getattr(importlib.import_module(module), name)
         shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
         if 0 in shape:
             return

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 from functools import lru_cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,25 @@ import numpy as np
 from gpubspline.analysis.load_case import LoadCase, load_case
 from gpubspline.errors import InputError
 from gpubspline.export.deck import Wanted, make_deck
-from gpubspline.export.formats import Format
+from gpubspline.export.formats import Format as Format
 from gpubspline.export.read import read_mesh as read_mesh
 from gpubspline.export.units import DEFAULT_UNITS, find_units
 from gpubspline.files import check_writable
 from gpubspline.material.laws import Law
 from gpubspline.mesh.mesh import Mesh
 
+PLUGINS = "gpubspline.formats"
+
 
 @lru_cache(maxsize=1)
 def formats() -> dict[str, Format]:
-    """Every format that can be written, by name: the ``FORMATS`` of this folder's modules."""
+    """Every format that can be written, by name: the ``FORMATS`` of this folder's modules, and of others' packages.
+
+    Those name theirs, a ``Format`` each, as entry points of the group ``gpubspline.formats``.
+    """
     modules = [importlib.import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
-    return {form.name: form for module in modules for form in getattr(module, "FORMATS", ())}
+    own = [form for module in modules for form in getattr(module, "FORMATS", ())]
+    return {form.name: form for form in (*(entry.load() for entry in entry_points(group=PLUGINS)), *own)}
 
 
 @lru_cache(maxsize=1)
@@ -36,13 +43,15 @@ def extensions() -> tuple[str, ...]:
     return tuple(sorted(_by_extension(), key=lambda extension: (extension not in (".vtu", ".inp"), extension)))
 
 
-def find_format(path: str | Path, name: str | None = None) -> Format:
-    """Format by name, or by the extension of a file where that is None.
+def find_format(path: str | Path, name: str | Format | None = None) -> Format:
+    """Format by name, or by the extension of a file where that is None; one that is given is taken as it is.
 
     Raises
     ------
     InputError where there is none, or a package that it needs is not installed.
     """
+    if isinstance(name, Format):
+        return name
     if name is not None and name not in formats():
         raise InputError(f"expected a format of {', '.join(sorted(formats()))}, got {name!r}")
     extension = Path(path).suffix.lower()
@@ -68,7 +77,7 @@ def write(
     model: Any,
     path: str | Path,
     *,
-    format: str | None = None,
+    format: str | Format | None = None,
     units: str = DEFAULT_UNITS,
     load: LoadCase | str | Path | None = None,
     law: Law | None = None,
@@ -86,7 +95,7 @@ def write(
     ---------
     model: a mesh with all fields and sets that are to be written, or what has one as ``mesh``.
     path: a file in an existing folder.
-    format: name of a format, where not the one of the extension.
+    format: name of a format, where not the one of the extension, or a format of one's own.
     units: ``"mm-N-MPa"`` or ``"m-N-Pa"``; fields whose names end in a unit are converted and renamed.
     load: a load case, or its name or file as ``load_case`` takes it: its regions become node sets and surfaces, its
         supports, forces, pressures and gravity the deck's.
@@ -111,8 +120,9 @@ def write(
     check_writable(path)
     _check_finite(mesh)
     asked = {"binned": modulus_bins is not None, "nodal": nodal_modulus, "loads": load is not None}
-    form.check_asked(format or path.suffix.lower(), **asked)
-    form.check_elements(format or path.suffix.lower(), mesh.element_type)
+    known = format if isinstance(format, str) else path.suffix.lower()
+    form.check_asked(known, **asked)
+    form.check_elements(known, mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)

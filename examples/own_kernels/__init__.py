@@ -1,0 +1,1 @@
+"""Kernels of one's own, in twins: ``ultrasound.py`` for Warp, ``ultrasound.cl`` for OpenCL."""
