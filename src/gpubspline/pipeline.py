@@ -4,15 +4,18 @@ from typing import Any
 
 from gpubspline.clock import Clock
 from gpubspline.device import Device
+from gpubspline.errors import InputError
 from gpubspline.material.assign import assign
 from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.label_sets import with_label_sets
+from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.tally import tally
 from gpubspline.mesh.validity import certify
+from gpubspline.methods import Choice, Meshed
 from gpubspline.recipe import Body, Fitted, Model, Sampling, Shaping, Source
 from gpubspline.report.summary import summary
 from gpubspline.segment import find_body
@@ -23,8 +26,14 @@ from gpubspline.spline.lattice import control_lattice, data_shape, default_shape
 
 def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) -> Fitted:
     """Read the CT, find the body, lay the control lattice through it and make the hyperpatch."""
-    body = find_body(source, clock)
+    return fit_body(find_body(source, clock), source, shaping, device, clock)
+
+
+def fit_body(body: Body, source: Source, shaping: Shaping, device: Device, clock: Clock) -> Fitted:
+    """Lay the control lattice through a body and make the hyperpatch."""
     volume, region = body.volume, body.region
+    if volume is None or not body.one_grid:
+        raise InputError("expected a CT with its own region for the tensor method, got a surface: butterfly or blocks")
     only = None if source.slice_index is None else 0  # the volume is cropped to the slice
     with clock.stage("lattice"):
         shape = shaping.control or default_shape(region, source.axis, only)
@@ -40,22 +49,29 @@ def fit_patch(source: Source, shaping: Shaping, device: Device, clock: Clock) ->
 def sample_patch(
     patch: Hyperpatch, sampling: Sampling, device: Device, clock: Clock, body: Body | None = None
 ) -> Model:
-    """Sample a hyperpatch, map the material onto it, judge its elements and its distance from the body."""
+    """Sample a hyperpatch, and finish the mesh."""
     nodes = sampling.nodes or patch.shape
     with clock.stage("sample"):
         mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
+    return finish(mesh, sampling, device, clock, body)
+
+
+def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: Body | None = None) -> Model:
+    """Map the material onto a mesh, judge its elements and its distance from the body; without HU no material."""
+    law, calibrated, alarms = None, None, None
     with clock.stage("material"):
-        law, calibrated = calibrated_law(sampling, body)
-        volume, region = (None, None) if body is None else (body.volume, body.region)
-        mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
-        if body is not None and body.labels is not None:
+        if "HU" in mesh.fields:
+            law, calibrated = calibrated_law(sampling, body)
+            volume, region = (None, None) if body is None else (body.volume, body.region if body.one_grid else None)
+            mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
+        if body is not None and body.labels is not None and body.whole is not None:
             mesh = with_label_sets(mesh, body.labels, body.whole, device)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
         certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None
     with clock.stage("distance"):
         off = None if body is None else distances(mesh, body.region, device)
-        outside = alarms.outside if alarms.of == "nodes" else None
+        outside = alarms.outside if alarms is not None and alarms.of == "nodes" else None
         known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
         counted = tally(mesh, quality, **known, weigh=False)  # the alarms do
     return Model(mesh, counted, sampling, law, alarms, calibrated)
@@ -69,14 +85,28 @@ def calibrated_law(sampling: Sampling, body: Body | None) -> tuple[Law, Calibrat
     return sampling.law.calibrated(calibrated.relation), calibrated
 
 
-def summarise(model: Model, device: Device, clock: Clock, fitted: Fitted | None = None) -> dict[str, Any]:
+def summarise(
+    model: Model,
+    device: Device,
+    clock: Clock,
+    fitted: Fitted | None = None,
+    *,
+    body: Body | None = None,
+    choice: Choice | None = None,
+    meshed: Meshed | None = None,
+) -> dict[str, Any]:
     """Collect the figures of a run; those that need the CT are None where the model came from a file."""
+    body = fitted.body if fitted is not None else body
     known: dict[str, Any] = {"law": model.law, "policy": model.sampling.mapping.policy.get("policy", "clamp")}
     known |= {"alarms": model.alarms, "calibrated": model.calibrated}
-    if fitted is not None:
-        error, region = fitted.fit.error, fitted.region
+    if body is not None:
         flat = model.mesh.element.dimension == 2
-        known["region_size"] = region.section_mm2 if flat else region.volume_mm3
-        known |= {"threshold_hu": fitted.threshold_hu, "fit": fitted.method}
-        known |= {"fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
-    return summary(model.counted, device, clock.seconds, **known)
+        known["region_size"] = body.region.section_mm2 if flat else body.region.volume_mm3
+        known["threshold_hu"] = body.threshold_hu
+    if fitted is not None:
+        error = fitted.fit.error
+        known |= {"fit": fitted.method, "fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
+    figures = summary(model.counted, device, clock.seconds, **known)
+    if choice is not None:
+        figures["method"] = {"name": choice.method, "why": choice.why}
+    return figures if meshed is None else figures | meshed.figures

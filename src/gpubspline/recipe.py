@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gpubspline.ct.labels import Labels
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
@@ -48,6 +50,21 @@ class Shaping:
 
 
 @dataclass(frozen=True)
+class Meshing:
+    """By which method a body is meshed, and how fine where that is told by the elements.
+
+    Attributes
+    ----------
+    method: ``"auto"``, ``"tensor"``, ``"butterfly"`` or ``"blocks"``.
+    size_mm, elements: of an element, or how many; for butterfly and blocks.
+    """
+
+    method: str = "auto"
+    size_mm: float | None = None
+    elements: int | None = None
+
+
+@dataclass(frozen=True)
 class Sampling:
     """How the mesh is made from the patch."""
 
@@ -61,22 +78,31 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What was found in the CT.
+    """What was found in the CT, or within a surface.
 
     Attributes
     ----------
-    whole: the scan as it was read, in which a calibration looks for its rods or tissues.
-    volume: the scan, cropped as it was asked for, on the region's grid.
+    whole: the scan as it was read, in which a calibration looks for its rods or tissues; None of a surface without CT.
+    volume: the scan, cropped as it was asked for, on the region's grid; of a surface the whole scan, on its own.
     region: the body.
-    threshold_hu: what separated it; None where a mask did.
+    threshold_hu: what separated it; None where a mask or a surface did.
     labels: of a segmentation on the grid of ``whole``, by which elements are gathered in sets; or None.
     """
 
-    whole: Volume
-    volume: Volume
+    whole: Volume | None
+    volume: Volume | None
     region: Region
     threshold_hu: float | None
     labels: Labels | None = None
+
+    @property
+    def one_grid(self) -> bool:
+        """Whether the scan and the region lie on one grid."""
+        return (
+            self.volume is not None
+            and self.volume.hu.shape == self.region.mask.shape
+            and bool(np.allclose(self.volume.affine, self.region.affine))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +124,7 @@ class Fitted:
         return self.body.threshold_hu
 
     @property
-    def volume(self) -> Volume:
+    def volume(self) -> Volume | None:
         """The CT, cropped as it was asked for."""
         return self.body.volume
 
@@ -108,12 +134,12 @@ class Model:
     """A mesh whose every node has place, HU, density and stiffness, and what was counted of it.
 
     Where the mesh was written in slabs, ``mesh`` is a coarser one of the same patch, to look at. ``law`` is that of the
-    sampling, calibrated where a calibration was asked for.
+    sampling, calibrated where a calibration was asked for; None, as are the alarms, where there is no CT.
     """
 
     mesh: Mesh
     counted: Tally
     sampling: Sampling
-    law: Law
-    alarms: Alarms
+    law: Law | None
+    alarms: Alarms | None
     calibrated: Calibrated | None = None

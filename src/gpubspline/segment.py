@@ -1,7 +1,11 @@
 """The first half of the flow: files to a volume, and the body in it."""
 
+import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
@@ -9,8 +13,14 @@ from gpubspline.ct.masks import open_labels, read_segment
 from gpubspline.ct.region import otsu_threshold, region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
-from gpubspline.errors import InputError
-from gpubspline.recipe import Body, Source
+from gpubspline.device import Device
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.mesh.blocks.level_set import SAMPLES
+from gpubspline.mesh.sizing import default_size
+from gpubspline.recipe import Body, Meshing, Source
+from gpubspline.surface.read import read_surface
+from gpubspline.surface.region import region_from_surface
+from gpubspline.surface.surface import Surface, spelled
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -40,6 +50,46 @@ def find_body(source: Source, clock: Clock) -> Body:
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
         return Body(whole, volume, region_from_threshold(volume, threshold, **options), threshold, labels)
+
+
+def find_surface_body(
+    path: Path, ct: Path | None, source: Source, meshing: Meshing, device: Device, clock: Clock
+) -> Body:
+    """Read a closed surface, and the CT that its material comes from, if any.
+
+    The grid is a third of an element, or fine enough for a third of the one that the thinnest feature asks for.
+    """
+    with clock.stage("read"):
+        surface = read_surface(path)
+        whole = None if ct is None else read_volume(ct, progress=clock.advance, **source.reading)
+    if whole is not None:
+        _check_overlap(surface, whole, path.name)
+    with clock.stage("region"):
+        size = meshing.size_mm
+        if size is None and meshing.elements is not None and meshing.elements > 0:
+            size = float(np.cbrt(surface.volume_mm3 / meshing.elements))
+        region = region_from_surface(surface, device, spacing_mm=None if size is None else size / SAMPLES)
+        if size is None and default_size(region) / SAMPLES < 0.8 * float(region.spacing_mm.min()):
+            region = region_from_surface(surface, device, spacing_mm=default_size(region) / SAMPLES)
+    return Body(whole, whole, region, None)
+
+
+def _check_overlap(surface: Surface, volume: Volume, name: str) -> None:
+    """Raise InputError where a surface lies outside the CT: the one in another frame, perhaps."""
+    index = volume.to_indices(surface.points)
+    outside = np.any((index < -1) | (index > np.array(volume.shape)), axis=1)
+    if outside.all():
+        low, high = surface.box
+        raise InputError(
+            f"expected {name} to lie in the CT, got it at {spelled(low)} to {spelled(high)}, outside the scan: are its "
+            "coordinates LPS mm? (RAS has the signs of x and y turned)"
+        )
+    if outside.any():
+        warnings.warn(
+            f"{outside.mean():.0%} of the points of {name} lie outside the CT, where HU is that of the nearest voxel",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
 
 
 def _window(source: Source, volume: Volume) -> Window:

@@ -63,7 +63,7 @@ def stream_patch(
                 write_slab(writer, replace(slab, mesh=mesh))
                 clock.advance(slab.last, nodes[2] - 1)
     mass = None
-    if body is not None:
+    if body is not None and body.volume is not None:
         with clock.stage("material"):
             mass = voxel_mass_g(body.volume, body.region, law_on_device(law, device, **policy), device)
     return Model(coarse.mesh, add(parts), sampling, law, add_alarms(alarms, mass), calibrated)

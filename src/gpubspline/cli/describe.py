@@ -93,6 +93,11 @@ def validity_lines(counts: dict[str, Any] | None) -> list[str]:
     ]
 
 
+def method_lines(method: dict[str, str] | None) -> list[str]:
+    """By which method a mesh was made, and why."""
+    return [] if method is None else [f"method     {method['name']}: {method['why']}"]
+
+
 def quality_lines(mesh: Mesh, quality: Quality) -> list[str]:
     """Histogram of a mesh's scaled Jacobians and where its worst elements are, numbered from 1."""
     rows = zip(quality.worst, quality.worst_values, quality.worst_centroids_mm, strict=True)
@@ -138,6 +143,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
     quality = figures["scaled_jacobian"]
     lines = [
         f"mesh       {figures['elements']:,} {figures['element_type']}, {figures['nodes']:,} nodes",
+        *method_lines(figures["method"]),
         f"quality    scaled Jacobian from {quality['min']:.3f}, mean {quality['mean']:.3f}; "
         f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
         f"{quality['inverted']} inverted",

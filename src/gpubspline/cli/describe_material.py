@@ -61,6 +61,8 @@ def _line(slope: float, takes: str, intercept: float) -> str:
 def material_lines(figures: dict[str, Any]) -> list[str]:
     """The material of a run: values, mapping, calibration, alarms, and what is unconfirmed of the law."""
     hu, modulus, law, alarms = figures["hu"], figures["modulus_mpa"], figures["law"], figures["alarms"]
+    if law is None:
+        return ["material   none: no CT was given (--ct)"]
     lines = [f"material   HU {hu['min']:.0f} to {hu['max']:.0f}, E {modulus['min']:.0f} to {modulus['max']:.0f} MPa"]
     lines += _calibration_lines(figures["calibration"]) if figures["calibration"] else []
     lines += _alarm_lines(alarms, law)

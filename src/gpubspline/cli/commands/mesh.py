@@ -1,11 +1,15 @@
-"""From CT to a mesh with material."""
+"""From CT, or a closed surface, to a mesh with material."""
+
+from pathlib import Path
+from typing import Any
 
 import typer
 
 from gpubspline.cli.app import app
-from gpubspline.cli.arguments import InputPaths
+from gpubspline.cli.arguments import SolidPaths
 from gpubspline.cli.options import (
     DeckOptions,
+    MethodOptions,
     OutputOptions,
     ReadOptions,
     RegionOptions,
@@ -15,15 +19,17 @@ from gpubspline.cli.options import (
     SplineOptions,
     flattened,
 )
+from gpubspline.errors import InputError
 
 
 @app.command()
 @flattened
 def mesh(
     context: typer.Context,
-    source: InputPaths,
+    source: SolidPaths,
     read: ReadOptions,
     region: RegionOptions,
+    method: MethodOptions,
     spline: SplineOptions,
     sampled: SamplingOptions,
     files: OutputOptions,
@@ -31,22 +37,70 @@ def mesh(
     page: ReportOptions,
     run: RunOptions,
 ) -> None:
-    """Make a mesh with material from CT."""
-    from gpubspline import pipeline
+    """Make a mesh with material from CT, or from a closed surface."""
+    from gpubspline import methods, pipeline
     from gpubspline.cli import describe
+    from gpubspline.surface.read import is_surface
 
-    files.check(source, deck)
+    files.check([*source, *([method.ct] if method.ct else [])], deck)
     page.check([*source, *files.paths])
-    wanted = region.source(source, read, spline.axis)
-    shaping = spline.shaping(3 if region.slice_index is None else 2)
+    sliced, wanted = region.slice_index is not None, region.source(source, read, spline.axis)
+    shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing()
     sampling, device = sampled.sampling(), run.open()
+    surface = is_surface(source[0])
+    files.check_field(() if surface and method.ct is None else ("HU",))
+    implied = methods.implied(meshing, shaping, sampling, sliced)  # refuses before any work what does not fit together
+    if surface and implied is not None and implied.method == "tensor":
+        raise InputError(f"expected a CT for the tensor method ({implied.why}), got a surface: butterfly or blocks")
     with run.clock() as clock:
-        fitted = pipeline.fit_patch(wanted, shaping, device, clock)
-        model = files.make(fitted.fit.patch, sampling, device, clock, fitted.body)
-        figures = pipeline.summarise(model, device, clock, fitted)
+        body = _body(source, wanted, region, method, meshing, device, clock)
+        with clock.stage("method"):
+            choice = _streamed(files, sampling) or methods.choose(
+                body, meshing, shaping, sampling, spline.axis, device, sliced
+            )
+        if choice.method == "tensor":
+            fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
+            model = files.make(fitted.fit.patch, sampling, device, clock, body)
+            figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
+            _warn_of_bridges(figures)
+        else:
+            meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
+            model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
+            figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
         files.write(model, figures, clock)
-        known = {"quality": model.counted.quality, "volume": fitted.volume, "laws": [model.law]}
+        known = {"quality": model.counted.quality, "volume": body.volume, "laws": [model.law] if model.law else []}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
     run.say(
         [*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote([*files.paths, *page.paths])]
     )
+
+
+def _body(
+    source: list[Path], wanted: Any, region: RegionOptions, method: MethodOptions, meshing: Any, device: Any, clock: Any
+) -> Any:
+    """Find the body in a CT, or read a surface."""
+    from gpubspline.segment import find_body, find_surface_body
+    from gpubspline.surface.read import is_surface
+
+    if not is_surface(source[0]):
+        if method.ct is not None:
+            raise InputError(f"expected --ct with a surface as input, got {source[0].name}, which is read as CT itself")
+        return find_body(wanted, clock)
+    if len(source) > 1 or region != RegionOptions():
+        raise InputError(f"expected one surface, without options that find a body in CT, got {source[0].name} and more")
+    return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
+
+
+def _streamed(files: OutputOptions, sampling: Any) -> Any:
+    """The tensor method, where the output is a file that only structured meshes have."""
+    from gpubspline.methods import Choice
+
+    return Choice("tensor", ".vts holds structured meshes") if files.output.suffix.lower() == ".vts" else None
+
+
+def _warn_of_bridges(figures: dict[str, Any]) -> None:
+    from gpubspline.methods import warn_of_bridges
+
+    for size in (figures["volume_mm3"], figures["area_mm2"]):
+        if size["mesh"] is not None and size["region"]:
+            warn_of_bridges(size["mesh"], size["region"])

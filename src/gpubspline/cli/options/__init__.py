@@ -2,6 +2,7 @@
 
 from gpubspline.cli.options.deck import DeckOptions as DeckOptions
 from gpubspline.cli.options.groups import flattened as flattened
+from gpubspline.cli.options.method import MethodOptions as MethodOptions
 from gpubspline.cli.options.output import OutputOptions as OutputOptions
 from gpubspline.cli.options.read import ReadOptions as ReadOptions
 from gpubspline.cli.options.region import RegionOptions as RegionOptions

@@ -1,6 +1,6 @@
 """The files of a run: checked before the work, written after it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -54,14 +54,24 @@ class OutputOptions:
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
 
+    def check_field(self, channels: Iterable[str]) -> None:
+        """Raise InputError where the picture asks for a field that the mesh will not have.
+
+        A mesh without HU has no material: its picture shows the scaled Jacobian unless told otherwise.
+        """
+        made = MADE_FIELDS if "HU" in channels else ("scaled_jacobian",)
+        known = (*channels, *made)
+        if self.field == "HU" and "HU" not in known:
+            self.field = "scaled_jacobian"
+        if self.picture and self.field not in known:
+            raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
+
     def make(self, patch: Any, sampling: Any, device: Any, clock: Any, body: Any = None) -> Any:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
         from gpubspline import pipeline
         from gpubspline.streaming import stream_patch
 
-        known = (*patch.channels, *MADE_FIELDS)
-        if self.picture and self.field not in known:
-            raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
+        self.check_field(patch.channels)
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
         whole = whole or (body is not None and body.labels is not None)

@@ -13,7 +13,7 @@ class SamplingOptions:
     """How the mesh is sampled, and what its material is."""
 
     nodes: Annotated[
-        str | None, option("Mesh", "samples per direction (default: as control points)", metavar="U,V[,W]")
+        str | None, option("Mesh", "samples per direction (default: as control points)", metavar="U,V[,[R,]W]")
     ] = None
     order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
     element: Annotated[str | None, option("Mesh", "element type instead, such as hex27", metavar="TYPE")] = None
@@ -55,7 +55,7 @@ class SamplingOptions:
         policy: dict[str, Any] = {"policy": self.out_of_range}
         if self.floor_modulus is not None:
             policy["floor_modulus_mpa"] = self.floor_modulus
-        counts = integers(self.nodes, "nodes", (2, 3))
+        counts = integers(self.nodes, "nodes", (2, 3, 4))
         mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, policy)
         calibration = None if self.calibration is None else read_calibration(self.calibration)
         law = find_law(self.law or DEFAULT_LAW)

@@ -13,9 +13,9 @@ class SplineOptions:
     """How the hyperpatch is made."""
 
     axis: Annotated[str, option("Spline", "stack slices along this axis", metavar="x|y|z|long")] = "z"
-    control: Annotated[str | None, option("Spline", "control points (default: by the data)", metavar="NU,NV[,NW]")] = (
-        None
-    )
+    control: Annotated[
+        str | None, option("Spline", "control points (default: by the data)", metavar="NU,NV[,[NR,]NW]")
+    ] = None
     degree: Annotated[str, option("Spline", "degrees, 1 to 5", metavar="P[,Q[,R]]")] = "3"
     fit: Annotated[
         str,
@@ -32,7 +32,7 @@ class SplineOptions:
         from gpubspline.recipe import Shaping
 
         degree = integers(self.degree, "degree", (1, directions)) or (3,)
-        control = integers(self.control, "control", (directions,))
+        control = integers(self.control, "control", (2,) if directions == 2 else (3, 4))
         shaping = Shaping(control, degree, self.fit, self.interpolation)
         if self.smooth_rows is None:
             return shaping

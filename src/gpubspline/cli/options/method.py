@@ -1,0 +1,43 @@
+"""By which method a body is meshed, and how fine."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from gpubspline.cli.options.groups import option
+from gpubspline.errors import InputError
+
+
+@dataclass
+class MethodOptions:
+    """By which method a body is meshed, and how fine."""
+
+    method: Annotated[
+        str,
+        option(
+            "Mesh",
+            "tensor: rows of one patch, as in the paper; butterfly: five patches a section; blocks: any shape; "
+            "auto: the first that fits",
+            metavar="auto|tensor|butterfly|blocks",
+        ),
+    ] = "auto"
+    size: Annotated[
+        float | None,
+        option("Mesh", "element size of butterfly, blocks (default: by the thinnest feature)", metavar="MM"),
+    ] = None
+    elements: Annotated[int | None, option("Mesh", "number of elements instead, about", metavar="N")] = None
+    ct: Annotated[
+        Path | None, option("Input", "CT for the material, where the input is a surface", metavar="FILE|DIR")
+    ] = None
+
+    def meshing(self) -> Any:
+        """What the pipeline meshes by."""
+        from gpubspline.recipe import Meshing
+
+        if self.size is not None and not 0 < self.size < float("inf"):
+            raise InputError(f"expected --size above 0 mm, got {self.size:g}")
+        if self.elements is not None and self.elements < 1:
+            raise InputError(f"expected --elements of 1 or more, got {self.elements}")
+        if self.size is not None and self.elements is not None:
+            raise InputError("expected --size or --elements, got both")
+        return Meshing(self.method, self.size, self.elements)

@@ -1,0 +1,200 @@
+"""By which of three methods a body is meshed: rows of one patch, five patches a section, or blocks of any topology."""
+
+import warnings
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gpubspline.clock import Clock
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.mesh.blocks.curved import curve
+from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.size import size_for
+from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
+from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
+from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.sizing import default_size
+from gpubspline.recipe import Body, Meshing, Sampling, Shaping
+from gpubspline.spline.lattice import SMOOTHING, sample_hu
+from gpubspline.spline.reformat import stack
+
+METHODS = ("auto", "tensor", "butterfly", "blocks")
+
+BRIDGED = 0.05
+"""Relative difference of volumes of mesh and region from which the tensor method warns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A method, why it was chosen, and what was made on the way."""
+
+    method: str
+    why: str
+    patches: Butterfly | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Meshed:
+    """A mesh with HU at nodes where there is a CT, and what its method reports: figures for the summary."""
+
+    mesh: Mesh
+    figures: dict[str, Any] = field(default_factory=dict)
+
+
+def implied(meshing: Meshing, shaping: Shaping, sampling: Sampling, sliced: bool = False) -> Choice | None:
+    """Method that is asked for by name, or that options of one method alone imply; None where it is free.
+
+    Raises
+    ------
+    InputError where options of different methods are mixed.
+    """
+    if meshing.method not in METHODS:
+        raise InputError(f"expected the method {', '.join(METHODS)}, got {meshing.method!r}")
+    sized = meshing.size_mm is not None or meshing.elements is not None
+    asked = {
+        "tensor": _tensor_options(shaping, sampling, sliced),
+        "butterfly": [
+            f"--{name} of four counts"
+            for name, counts in (("control", shaping.control), ("nodes", sampling.nodes))
+            if counts is not None and len(counts) == 4
+        ],
+    }
+    if sized and (asked["tensor"] or meshing.method == "tensor"):
+        raise InputError(
+            f"expected --size or --elements for butterfly or blocks, got {' and '.join(asked['tensor']) or '--method'} "
+            "of the tensor method: its density is set by --nodes"
+        )
+    for method, options in asked.items():
+        if options and meshing.method not in ("auto", method):
+            raise InputError(f"expected no {options[0]}, which is for {method}, with --method {meshing.method}")
+    if meshing.method != "auto":
+        return Choice(meshing.method, "asked for")
+    given = next((method for method, options in asked.items() if options), None)
+    return None if given is None else Choice(given, f"{asked[given][0]} is for it")
+
+
+def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool) -> list[str]:
+    given = {
+        "--slice": sliced,
+        "--control": shaping.control is not None and len(shaping.control) < 4,
+        "--nodes": sampling.nodes is not None and len(sampling.nodes) < 4,
+        "--fit": shaping.fit != "control",
+        "--smooth-rows": shaping.row_smoothing != SMOOTHING,
+    }
+    return [name for name, there in given.items() if there]
+
+
+def choose(
+    body: Body, meshing: Meshing, shaping: Shaping, sampling: Sampling, axis: str, device: Device, sliced: bool = False
+) -> Choice:
+    """Take the method asked for or implied; else the simplest that fits the body.
+
+    That is the tensor method where every slice is one region that every row crosses once, unless an element size or
+    number is asked for, which it does not know; five patches where every section is one part without holes; else
+    blocks.
+    """
+    found = implied(meshing, shaping, sampling, sliced)
+    if found is not None:
+        patches = _patches(body, shaping, axis, device) if found.method == "butterfly" else None
+        return Choice(found.method, found.why, patches)
+    sized = meshing.size_mm is not None or meshing.elements is not None
+    if not sized and body.volume is not None and body.one_grid and is_row_convex(body.region, axis):
+        return Choice("tensor", "every slice is one region that every row crosses once")
+    try:
+        made = _patches(body, shaping, axis, device)
+    except InputError as error:
+        _, _, got = str(error).partition(", got ")
+        return Choice("blocks", f"no butterfly: {got.partition(': ')[0] or error}")
+    return Choice("butterfly", "every section is one part without holes", made)
+
+
+def is_row_convex(region: Region, axis: str = "z") -> bool:
+    """Whether every slice along the axis is one region that every row through it crosses once."""
+    inside = stack(region, axis).distance_mm < 0
+    starts = inside[..., :1].sum(axis=2) + (inside[..., 1:] & ~inside[..., :-1]).sum(axis=2)
+    rows = starts > 0
+    row_starts = rows[:, :1].sum(axis=1) + (rows[:, 1:] & ~rows[:, :-1]).sum(axis=1)
+    meets = (inside[:, 1:] & inside[:, :-1]).any(axis=2) | ~(rows[:, 1:] & rows[:, :-1])
+    return bool(starts.max() == 1 and (row_starts == 1).all() and meets.all())
+
+
+def _patches(body: Body, shaping: Shaping, axis: str, device: Device) -> Butterfly:
+    control = shaping.control
+    if control is not None and len(control) != 4:
+        raise InputError(f"expected 4 control counts U,V,R,W for a butterfly, got {control}")
+    degree = shaping.degree[0]
+    if len(set(shaping.degree)) > 1:
+        raise InputError(f"expected one degree for a butterfly, got {shaping.degree}")
+    options: dict[str, Any] = {"axis": axis, "degree": degree, "interpolation": shaping.interpolation}
+    return butterfly(
+        body.region,
+        body.volume,
+        control=None if control is None else (control[0], control[1], control[2], control[3]),
+        smoothing=BUTTERFLY_SMOOTHING,
+        device=device,
+        **options,
+    )
+
+
+def mesh_body(body: Body, choice: Choice, meshing: Meshing, sampling: Sampling, device: Device, clock: Clock) -> Meshed:
+    """Mesh a body with five patches a section or with blocks."""
+    if choice.patches is not None:
+        with clock.stage("sample"):
+            return _butterfly_mesh(choice.patches, meshing, sampling, device)
+    with clock.stage("blocks"):
+        return _blocks_mesh(body, meshing, sampling, device)
+
+
+def _butterfly_mesh(made: Butterfly, meshing: Meshing, sampling: Sampling, device: Device) -> Meshed:
+    nodes = sampling.nodes
+    if nodes is not None and len(nodes) != 4:
+        raise InputError(f"expected 4 node counts U,V,R,W for a butterfly, got {nodes}")
+    if meshing.size_mm is None and meshing.elements is None:
+        counts = None if nodes is None else (nodes[0], nodes[1], nodes[2], nodes[3])
+    elif nodes is not None:
+        raise InputError("expected --nodes, or --size or --elements, got both")
+    else:
+        counts = nodes_for(made, meshing.size_mm, meshing.elements)
+    mesh = sample_butterfly(made, counts, order=sampling.order, element_type=sampling.element_type, device=device)
+    fit = {"method": "interpolate", "error_mm": made.error.mean_mm, "error_hu": made.error.mean_hu}
+    return Meshed(mesh, {"fit": fit})
+
+
+def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Device) -> Meshed:
+    if sampling.nodes is not None:
+        raise InputError("expected --size or --elements for blocks, got --nodes")
+    if meshing.size_mm is not None and meshing.elements is not None:
+        raise InputError("expected --size or --elements, got both")
+    size = blocks_size(body.region, meshing, device)
+    element = sampling.element_type or {1: "hex8", 2: "hex20"}.get(sampling.order, f"order {sampling.order}")
+    if element not in ("hex8", "hex20", "hex27"):
+        raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
+    made = blocks_mesh(body.region, size, device=device)
+    mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
+    if body.volume is not None:
+        mesh = mesh.with_fields({"HU": sample_hu(body.volume, mesh.points).astype(mesh.points.dtype)})
+    return Meshed(mesh, made.report.to_dict())
+
+
+def blocks_size(region: Region, meshing: Meshing, device: Device) -> float:
+    """Element size, mm, of a mesh of blocks: as asked for, for a number of elements, or for the thinnest feature."""
+    if meshing.size_mm is not None:
+        return meshing.size_mm
+    return default_size(region) if meshing.elements is None else size_for(region, meshing.elements, device)
+
+
+def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
+    """Warn where rows bridge gaps: a mesh of the tensor method that is not as large as its region."""
+    off = mesh_mm3 / region_mm3 - 1
+    if np.isfinite(off) and abs(off) > BRIDGED:
+        more = "more" if off > 0 else "less"
+        warnings.warn(
+            f"the tensor mesh fills {abs(off):.0%} {more} than the region: its rows cross gaps or miss parts of it; "
+            "--method butterfly or blocks follow the surface",
+            GpubsplineWarning,
+            stacklevel=2,
+        )

@@ -1,0 +1,228 @@
+"""The three methods: which fits, what implies one, and surfaces and sizes at the command line."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+
+from gpubspline.clock import Clock
+from gpubspline.ct.region import region_from_threshold
+from gpubspline.ct.volume import Volume
+from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.material.registry import law
+from gpubspline.mesh.quality import assess
+from gpubspline.methods import choose, implied, is_row_convex, mesh_body, warn_of_bridges
+from gpubspline.recipe import Body, Meshing, Sampling, Shaping
+
+
+def scan(level, shape=(22, 40, 44), spacing=1.0):
+    """A CT of 1000 HU where ``level(x, y, z)`` in mm is negative, -1000 where it is positive, linear between."""
+    affine = np.diag([spacing, spacing, spacing, 1.0])
+    affine[:3, 3] = -(np.array(shape[::-1]) - 1) / 2 * spacing
+    k, j, i = np.indices(shape)
+    x, y, z = np.moveaxis(np.stack([i, j, k], axis=-1) * spacing + affine[:3, 3], -1, 0)
+    return Volume(np.clip(-600 * level(x, y, z), -1000, 1000).astype(np.float32), affine)
+
+
+def body_of(level, **grid):
+    volume = scan(level, **grid)
+    return Body(volume, volume, region_from_threshold(volume, 0.0, fill="none"), 0.0)
+
+
+def oval(x, y, z):
+    return np.hypot(x / 1.3, y) - 12 + 0 * z
+
+
+def bean(x, y, z):
+    """A section with a dent in its rows: one part, no hole, but rows that cross it twice."""
+    return np.maximum(np.hypot(x, y) - 15, 5 - np.hypot(x + 1, y - 14)) + 0 * z
+
+
+def fork(x, y, z):
+    """One leg above, two below."""
+    legs = np.minimum(np.hypot(x - 8, y), np.hypot(x + 8, y)) - 5.5
+    return np.where(z > 0, np.hypot(x / 1.6, y) - 9, legs)
+
+
+def ring(x, y, z):
+    return np.abs(np.hypot(x, y) - 12) - 5 + 0 * z
+
+
+@pytest.mark.parametrize(("level", "convex"), [(oval, True), (bean, False), (fork, False), (ring, False)])
+def test_row_convexity(level, convex):
+    assert is_row_convex(body_of(level).region) is convex
+
+
+def test_rows_that_do_not_meet_are_not_convex():
+    """Two squares corner to corner but for a row: every row is crossed once, and yet there are two parts."""
+    level = lambda x, y, z: np.where(y > 0, np.abs(x - 9), np.abs(x + 9)) + np.abs(y) * 0.05 - 6 + 0 * z  # noqa: E731
+    region = region_from_threshold(scan(level), 0.0, fill="none", largest=False)
+    assert not is_row_convex(region)
+
+
+@pytest.mark.parametrize(
+    ("level", "method", "why"),
+    [
+        (oval, "tensor", "one region that every row crosses once"),
+        (bean, "butterfly", "one part without holes"),
+        (fork, "blocks", r"no butterfly: 2 parts at \("),
+        (ring, "blocks", r"no butterfly: a hole at \("),
+    ],
+)
+def test_auto_takes_the_first_that_fits(level, method, why, device):
+    import re
+
+    chosen = choose(body_of(level), Meshing(), Shaping(), Sampling(law()), "z", device)
+    assert chosen.method == method and re.search(why, chosen.why)
+
+
+def test_a_size_is_not_for_tensor(device):
+    chosen = choose(body_of(oval), Meshing(elements=900), Shaping(), Sampling(law()), "z", device)
+    assert chosen.method == "butterfly"
+
+
+@pytest.mark.parametrize(
+    ("options", "method"),
+    [
+        ({"shaping": Shaping(control=(5, 5, 5))}, "tensor"),
+        ({"sampling": Sampling(law(), (5, 5, 5))}, "tensor"),
+        ({"shaping": Shaping(fit="interpolate")}, "tensor"),
+        ({"shaping": Shaping(row_smoothing=0.0)}, "tensor"),
+        ({"sliced": True}, "tensor"),
+        ({"shaping": Shaping(control=(5, 5, 4, 5))}, "butterfly"),
+        ({"sampling": Sampling(law(), (5, 5, 4, 5))}, "butterfly"),
+        ({"meshing": Meshing("blocks")}, "blocks"),
+    ],
+)
+def test_what_implies_a_method(options, method):
+    given = {"meshing": Meshing(), "shaping": Shaping(), "sampling": Sampling(law())} | options
+    found = implied(**given)
+    assert found is not None and found.method == method
+    assert implied(Meshing(), Shaping(), Sampling(law())) is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"meshing": Meshing("hexes")}, "auto, tensor, butterfly, blocks"),
+        ({"meshing": Meshing("blocks"), "shaping": Shaping(control=(5, 5, 5))}, "--control, which is for tensor"),
+        ({"meshing": Meshing("tensor"), "sampling": Sampling(law(), (5, 5, 4, 5))}, "which is for butterfly"),
+        ({"meshing": Meshing("tensor", size_mm=2.0)}, "--size or --elements for butterfly or blocks"),
+        ({"meshing": Meshing(size_mm=2.0), "sampling": Sampling(law(), (5, 5, 5))}, "got --nodes of the tensor method"),
+        ({"meshing": Meshing(elements=5), "sliced": True}, "got --slice of the tensor method"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(options, words):
+    given = {"meshing": Meshing(), "shaping": Shaping(), "sampling": Sampling(law())} | options
+    with pytest.raises(InputError, match=words):
+        implied(**given)
+
+
+@pytest.mark.parametrize("level", [bean, fork])
+def test_methods_mesh_what_they_were_chosen_for(level, device):
+    body, meshing, sampling = body_of(level), Meshing(elements=2500), Sampling(law())
+    chosen = choose(body, meshing, Shaping(), sampling, "z", device)
+    made = mesh_body(body, chosen, meshing, sampling, device, Clock())
+    mesh, quality = assess(made.mesh, device)
+    assert quality.inverted == 0 and mesh.n_elements == pytest.approx(2500, rel=0.15)
+    assert mesh.volume_mm3 == pytest.approx(body.region.volume_mm3, rel=0.03)
+    assert 500 < np.median(mesh.fields["HU"]) <= 1000
+
+
+def test_the_tensor_method_warns_of_bridges():
+    with pytest.warns(GpubsplineWarning, match="fills 24% more than the region"):
+        warn_of_bridges(124.0, 100.0)
+    with pytest.warns(GpubsplineWarning, match="fills 6% less"):
+        warn_of_bridges(94.0, 100.0)
+    warn_of_bridges(104.0, 100.0)
+
+
+@pytest.fixture(scope="module")
+def fork_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fork") / "fork.nii.gz"
+    volume = scan(fork)
+    import SimpleITK as sitk
+
+    image = sitk.GetImageFromArray(volume.hu)
+    image.SetOrigin(volume.affine[:3, 3].tolist())
+    sitk.WriteImage(image, str(path))
+    return path
+
+
+def test_a_tensor_mesh_of_a_fork_is_warned_of(run, fork_file, tmp_path):
+    words = ["--threshold", 0, "--fill", "none", "--method", "tensor", "--nodes", "9,9,9"]
+    status, out, err = run("mesh", fork_file, "-o", tmp_path / "m.vtu", *words)
+    assert status == 0 and "method     tensor: asked for" in out
+    assert "more than the region" in err and "--method butterfly or blocks" in err
+
+
+def test_auto_at_the_command_line_says_what_and_why(run, fork_file, tmp_path):
+    files = ["-o", tmp_path / "m.vtu", "--summary", tmp_path / "s.json"]
+    status, out, _ = run("mesh", fork_file, *files, "--threshold", 0, "--fill", "none", "--elements", 2000)
+    assert status == 0 and "method     blocks: no butterfly: 2 parts at (" in out
+    figures = json.loads((tmp_path / "s.json").read_text())
+    assert figures["method"]["name"] == "blocks" and figures["euler"] == {"mesh": 1, "region": 1}
+    assert figures["certified_valid"] is True and figures["scaled_jacobian"]["inverted"] == 0
+    assert figures["modulus_mpa"]["max"] > 1000
+    assert {"count", "max_mm"} == figures["off_surface_nodes"].keys()
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    """A ball of radius 8 as PLY, from VTK."""
+    pyvista = pytest.importorskip("pyvista")
+    path = tmp_path_factory.mktemp("ball") / "ball.ply"
+    sphere = pyvista.Sphere(radius=8.0, theta_resolution=40, phi_resolution=40)
+    meshio.write_points_cells(path, sphere.points, [("triangle", sphere.regular_faces)])
+    return path
+
+
+def test_a_surface_without_ct_is_meshed_without_material(run, ball, tmp_path):
+    files = ["-o", tmp_path / "m.vtu", "--summary", tmp_path / "s.json", "--picture", tmp_path / "p.png"]
+    status, out, err = run("mesh", ball, "--method", "blocks", "--elements", 700, *files)
+    assert status == 0 and "no CT was given" in out and err == ""
+    figures = json.loads((tmp_path / "s.json").read_text())
+    assert figures["elements"] == pytest.approx(700, rel=0.1)
+    assert figures["law"] is None and figures["hu"] is None and figures["modulus_mpa"] is None
+    assert figures["volume_mm3"]["mesh"] == pytest.approx(4 / 3 * np.pi * 512, rel=0.05)
+    written = meshio.read(tmp_path / "m.vtu")
+    assert set(written.point_data) == set() and "scaled_jacobian" in written.cell_data
+    assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+def test_a_surface_takes_its_material_from_a_ct(run, ball, fork_file, tmp_path):
+    words = ["--method", "blocks", "--size", 3, "--ct", fork_file, "-o", tmp_path / "m.vtu"]
+    status, out, _ = run("mesh", ball, *words)
+    assert status == 0 and "material   HU -1000 to 1000" in out
+    assert meshio.read(tmp_path / "m.vtu").point_data["E_MPa"].max() > 1000
+
+
+def test_a_surface_by_butterfly(run, ball, tmp_path):
+    status, out, _ = run("mesh", ball, "--elements", 3000, "-o", tmp_path / "m.vtu")
+    assert status == 0 and "method     butterfly: every section is one part without holes" in out
+
+
+def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
+    far = meshio.read(ball)
+    far.points = far.points + 500
+    meshio.write(tmp_path / "far.ply", far)
+    open_ball = meshio.Mesh(far.points, [("triangle", far.cells[0].data[3:])])
+    meshio.write(tmp_path / "open.ply", open_ball)
+    out = ["-o", tmp_path / "m.vtu"]
+    for words, what in (
+        (["mesh", ball, "--threshold", 5, *out], "without options that find a body in CT"),
+        (["mesh", ball, "--method", "tensor", *out], "butterfly or blocks"),
+        (["mesh", fork_file, "--ct", fork_file, *out], "--ct with a surface"),
+        (["mesh", tmp_path / "far.ply", "--ct", fork_file, *out], "are its coordinates LPS mm"),
+        (["mesh", tmp_path / "open.ply", *out], "close its holes"),
+        (["mesh", ball, "--size", 0, *out], "--size above 0 mm"),
+        (["mesh", ball, "--elements", 0, *out], "--elements of 1 or more"),
+        (["mesh", ball, "--size", 1, "--elements", 10, *out], "got both"),
+        (["mesh", ball, "--method", "blocks", "--nodes", "3,3,3", *out], "--nodes, which is for tensor"),
+        (["mesh", ball, "--method", "blocks", "--size", 40, *out], "thicker than an element"),
+        (["mesh", ball, "--picture", tmp_path / "p.png", "--field", "HU_max", *out], "for --field"),
+    ):
+        status, said, err = run(*words)
+        assert status == 2 and what in err and len(err.strip().splitlines()) == 1 and said == "", (words, err)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["far.ply", "open.ply"]
