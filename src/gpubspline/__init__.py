@@ -13,11 +13,14 @@ from gpubspline.errors import InputError as InputError
 from gpubspline.errors import MeshError as MeshError
 
 if TYPE_CHECKING:
+    from gpubspline.analysis.convergence import converge as converge
     from gpubspline.analysis.elasticity import solve as solve
     from gpubspline.analysis.load_case import load_case as load_case
     from gpubspline.analysis.load_case import load_cases as load_cases
     from gpubspline.analysis.loads import assemble as assemble
     from gpubspline.analysis.response import respond as respond
+    from gpubspline.analysis.study import Study as Study
+    from gpubspline.analysis.study import run_study as run_study
     from gpubspline.ct.image import read_volume as read_volume
     from gpubspline.ct.masks import read_mask as read_mask
     from gpubspline.ct.phantom import phantom as phantom
@@ -67,10 +70,12 @@ if TYPE_CHECKING:
     from gpubspline.surface.surface import Surface as Surface
 
 _HOME = {
+    "analysis.convergence": ("converge",),
     "analysis.elasticity": ("solve",),
     "analysis.load_case": ("load_case", "load_cases"),
     "analysis.loads": ("assemble",),
     "analysis.response": ("respond",),
+    "analysis.study": ("Study", "run_study"),
     "ct.image": ("read_volume",),
     "ct.masks": ("read_mask",),
     "ct.phantom": ("phantom",),

@@ -23,6 +23,13 @@ def check_writable(path: Path) -> None:
         raise InputError(f"cannot write in {folder}: {error.strerror}") from None
 
 
+def check_folder(path: Path) -> None:
+    """Raise ``InputError`` where no folder can be made or filled at ``path``, before any work is done for it."""
+    check_writable(path.absolute() / "any" if path.is_dir() else path)
+    if path.exists() and not path.is_dir():
+        raise InputError(f"expected a folder to fill, got the file {path}")
+
+
 def check_apart(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     """Raise ``InputError`` where an output would replace an input or another output."""
     taken = {path.resolve() for path in inputs}

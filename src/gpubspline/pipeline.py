@@ -77,6 +77,15 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
     return Model(mesh, counted, sampling, law, alarms, calibrated)
 
 
+def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
+    """Sample a hyperpatch and map the material onto it, and no more: what a solve needs."""
+    law, _ = calibrated_law(sampling, body)
+    volume, region = (None, None) if body is None else (body.volume, body.region)
+    nodes = sampling.nodes or patch.shape
+    mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
+    return assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)[0]
+
+
 def calibrated_law(sampling: Sampling, body: Body | None) -> tuple[Law, Calibrated | None]:
     """Carry out the calibration, where one is asked for, and give the law that takes its density."""
     if sampling.calibration is None:

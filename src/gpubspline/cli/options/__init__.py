@@ -11,3 +11,4 @@ from gpubspline.cli.options.run import RunOptions as RunOptions
 from gpubspline.cli.options.sampling import SamplingOptions as SamplingOptions
 from gpubspline.cli.options.solve import SolveOptions as SolveOptions
 from gpubspline.cli.options.spline import SplineOptions as SplineOptions
+from gpubspline.cli.options.study import StudyOptions as StudyOptions

@@ -32,6 +32,19 @@ def numbers(text: str | None, name: str, count: int) -> tuple[float, ...] | None
     return values
 
 
+def samples_list(text: str | None) -> list[tuple[int, int, int]] | None:
+    """Read ``"11x18x34 14x24x46"``; raises InputError unless it is two or more of three numbers each."""
+    if text is None:
+        return None
+    try:
+        found = [tuple(int(part) for part in word.lower().split("x")) for word in text.split()]
+    except ValueError:
+        found = []
+    if len(set(found)) < 2 or any(len(counts) != 3 or min(counts) < 2 for counts in found):
+        raise InputError(f"expected two or more meshes such as '11x18x34 14x24x46' for --nodes-list, got {text!r}")
+    return [(u, v, w) for u, v, w in found]
+
+
 def slice_range(text: str | None) -> tuple[int | None, int | None] | None:
     """Read ``"5:20"``, ``":20"`` or ``"-10:"``; raises InputError for anything else."""
     if text is None:

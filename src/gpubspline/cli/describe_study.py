@@ -1,0 +1,53 @@
+"""What the command line says of a convergence study: a table, limits and orders, and what the stress is."""
+
+import textwrap
+
+from gpubspline.analysis.convergence import QUANTITIES, Convergence
+from gpubspline.analysis.richardson import Extrapolation
+
+_UNITS = {"max_von_mises_mpa": "MPa", "p99_von_mises_mpa": "MPa", "max_displacement_mm": "mm"}
+_HEADS = ("elements", "unknowns", "stress MPa", "change", "99 % MPa", "moved mm", "energy N mm", "s", "MiB")
+
+
+def study_lines(found: Convergence) -> list[str]:
+    """Give a row a model, then the limits."""
+    first = found.models[0]
+    case = first["load_case"]
+    rows = [_HEADS, *(_row(found, number) for number in range(len(found.models)))]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADS))]
+    table = ["  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True)) for row in rows]
+    width = max(len(label) for label in QUANTITIES.values())
+    limits = [f"{label:{width}}  {_limit(name, found)}" for name, label in QUANTITIES.items()]
+    how = f"{first['element_type']}, {first['formulation']}, modulus {first['modulus']}"
+    return [
+        f"load       {case['name']}" + (f": {case['title']}" if case["title"] else ""),
+        f"elements   {how}",
+        *table,
+        *limits,
+        f"stress: monotone from {found.monotone_from():,} elements on; last step {100 * found.last_change:.2f} %",
+        *textwrap.wrap(f"it is the {first['max_von_mises_is']}", 118),
+    ]
+
+
+def _row(found: Convergence, number: int) -> tuple[str, ...]:
+    model = found.models[number]
+    return (
+        f"{model['elements']:,}",
+        f"{model['unknowns']:,}",
+        f"{model['max_von_mises_mpa']:.4g}",
+        f"{100 * found.changes['max_von_mises_mpa'][number]:+.2f} %",
+        f"{model['p99_von_mises_mpa']:.4g}",
+        f"{model['max_displacement_mm']:.4g}",
+        f"{model['strain_energy_nmm']:.5g}",
+        f"{model['seconds']:.1f}",
+        f"{model['peak_memory_mb']:.0f}",
+    )
+
+
+def _limit(name: str, found: Convergence) -> str:
+    limit: Extrapolation = found.limits[name]
+    if limit.order is None or limit.limit is None:
+        return f"no limit: {limit.note}" if limit.limit is None else limit.note
+    off = found.models[-1][name] / limit.limit - 1 if limit.limit else 0.0
+    unit = _UNITS.get(name, "N mm")
+    return f"limit {limit.limit:.4g} {unit}, order {limit.order:.2f}; the finest mesh is off it by {100 * off:+.2f} %"

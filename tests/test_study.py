@@ -1,0 +1,82 @@
+"""The command 'study': on the child femur as the paper's section 3.6, run again, and what is refused."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpubspline.ct.phantom_dicom import write_phantom
+
+Command = Callable[..., tuple[int, str, str]]
+LIST = "7x8x12 9x10x15 11x13x19"
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The child femur's series."""
+    folder = tmp_path_factory.mktemp("study") / "ct"
+    write_phantom("child-femur", folder)
+    return folder
+
+
+def test_a_study_from_a_ct_and_again_from_its_folder(run: Command, scan: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ("study", scan, "--control", "9,11,20", "--load", "stance", "--nodes-list", LIST, "-o", out)
+    status, said, err = run(*words)
+    assert (status, err) == (0, "")
+    assert sorted(path.name for path in out.iterdir()) == ["models", "study.csv", "study.json", "study.png"]
+    told = json.loads((out / "study.json").read_text())
+    assert [model["elements"] for model in told["models"]] == [6 * 7 * 11, 8 * 9 * 14, 10 * 12 * 18]
+    assert told["models"][-1]["change_of_max_von_mises_mpa"] == 0 and told["formulation"] == "incompatible"
+    rows = list(csv.DictReader((out / "study.csv").open()))
+    assert [float(row["strain_energy_nmm"]) for row in rows] == [m["strain_energy_nmm"] for m in told["models"]]
+    for model in told["models"]:
+        np.testing.assert_allclose(model["applied_n"], [0, 0, -328], atol=1e-9)
+        assert model["max_von_mises_mpa"] < model["max_von_mises_at_point_mpa"]
+    for text in ("1,008", "2,160", "order", "over balls of 3 mm", "study.csv", "+0.00 %"):
+        assert text in said
+    stamps = {path: path.stat().st_mtime_ns for path in (out / "models").iterdir()}
+    status, again, _ = run(*words)
+    assert status == 0 and again == said and {path: path.stat().st_mtime_ns for path in stamps} == stamps
+    finer = (*words[:7], f"{LIST} 12x14x21", *words[8:])
+    assert run(*finer)[0] == 0 and {path: path.stat().st_mtime_ns for path in stamps} == stamps
+    assert len(list((out / "models").iterdir())) == 4
+
+
+WRONG = {
+    "one mesh": (("--nodes-list", "5x5x9"), "two or more meshes such as '11x18x34 14x24x46' for --nodes-list"),
+    "no numbers": (("--nodes-list", "5x5x9 5xax9"), "two or more meshes such as"),
+    "two directions": (("--nodes-list", "5x5x9 5x9"), "two or more meshes such as"),
+    "no elements": (("--nodes-list", "5x5x9 5x1x9"), "two or more meshes such as"),
+    "commas": (("--nodes-list", "5,5,9 7,7,11"), "two or more meshes such as"),
+    "nodes": (("--nodes", "5,5,9"), "--nodes-list for the meshes of a solid"),
+    "slice": (("--slice", "3"), "--nodes-list for the meshes of a solid"),
+    "load": (("--load", "jump"), "a load case of stance"),
+    "formulation": (("--formulation", "reduced"), "full, incompatible, bbar, got 'reduced'"),
+    "modulus": (("--modulus", "mean"), "graded or element, got 'mean'"),
+    "tolerance": (("--tolerance", "0"), "positive tolerance"),
+    "no folder": (("-o", "nowhere/out"), "an existing folder"),
+    "control": (("--control", "900,9,9"), "at most"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_one_line_and_writes_nothing(
+    run: Command, scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    options, message = WRONG[name]
+    monkeypatch.chdir(tmp_path)
+    words = {"--control": "5,5,9", "--load": "stance", "--nodes-list": "4x4x6 5x5x8", "-o": "out"}
+    words[options[0]] = options[1]
+    status, out, err = run("study", scan, *(word for pair in words.items() for word in pair))
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_folders_place_is_refused(run: Command, scan: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    status, _, err = run("study", scan, "--load", "stance", "-o", tmp_path / "out")
+    assert status == 2 and "a folder to fill, got the file" in err and (tmp_path / "out").read_text() == "mine"
