@@ -85,9 +85,9 @@ def test_elements_that_a_format_cannot_hold_are_refused(extension, element_type,
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("extension", [".avs", ".mdpa", ".ply"])
+@pytest.mark.parametrize("extension", [".avs", ".mdpa", ".ply", ".stl"])
 def test_fields_that_a_format_cannot_hold_are_named(extension, tmp_path):
-    kind = "quad4" if extension == ".ply" else "hex8"
+    kind = "quad4" if extension in (".ply", ".stl") else "hex8"
     with pytest.warns(GpubsplineWarning, match="scaled_jacobian, material: left out"):
         write(model(kind), tmp_path / f"model{extension}")
 
@@ -107,6 +107,29 @@ def test_vtk_reads_it_with_its_fields(extension, element_type, tmp_path):
         np.testing.assert_array_equal(grid.point_data[name], values)
     for name, values in mesh.cell_fields.items():
         np.testing.assert_array_equal(grid.cell_data[name], values)
+
+
+@pytest.mark.parametrize("extension", [".vtu", ".vts", ".vtkhdf"])
+def test_vtk_and_we_read_sets_and_surfaces_as_field_data(extension, tmp_path):
+    """Numbers from 0; a surface is rows of an element and a side, u0 to w1."""
+    needs(extension)
+    pyvista = pytest.importorskip("pyvista")
+    mesh = model("hex8")
+    mesh = replace(mesh, element_sets={**mesh.element_sets, "head": np.arange(5, 9)})
+    write(mesh, tmp_path / f"model{extension}")
+    data = pyvista.read(tmp_path / f"model{extension}").field_data
+    for name, members in mesh.node_sets.items():
+        np.testing.assert_array_equal(data[f"node_set {name}"], members)
+        faces = mesh.boundary(None if name == "surface" else name)
+        found = [np.array(list(mesh.element.sides.values()))[side] for side in data[f"surface {name}"][:, 1]]
+        np.testing.assert_array_equal(
+            np.take_along_axis(mesh.cells[data[f"surface {name}"][:, 0]], np.array(found), 1), faces
+        )
+    np.testing.assert_array_equal(data["element_set head"], np.arange(5, 9))
+    back = read_mesh(tmp_path / f"model{extension}")
+    assert back.node_sets.keys() == mesh.node_sets.keys() and back.element_sets.keys() == {"head"}
+    for name, members in mesh.node_sets.items():
+        np.testing.assert_array_equal(back.node_sets[name], members)
 
 
 @pytest.mark.parametrize("element_type", MESHABLE)
@@ -154,7 +177,7 @@ def test_meshio_reads_vtu_with_any_number_of_fields(element_type, n_fields, tmp_
 
 
 def test_vtu_is_written_in_parts(tmp_path, monkeypatch):
-    mesh = model("hex8")
+    mesh = model("quad4", (9, 7))
     write(mesh, tmp_path / "whole.vtu")
     monkeypatch.setattr("gpubspline.export.appended._CHUNK", 7)
     monkeypatch.setattr("gpubspline.export.rows._CHUNK", 5)
@@ -172,7 +195,7 @@ def test_vtu_is_written_in_parts(tmp_path, monkeypatch):
 def test_vtu_is_binary_and_keeps_types(tmp_path):
     mesh, path = model("hex8", real=np.float64), tmp_path / "model.vtu"
     write(mesh, path)
-    assert path.read_bytes().count(b'format="appended"') == 1 + 3 + len(mesh.fields) + len(mesh.cell_fields)
+    assert path.read_bytes().count(b'format="appended"') == 1 + 3 + len(mesh.fields) + len(mesh.cell_fields) + 14
     back = meshio.read(path)
     assert back.points.dtype == np.float64
     assert back.cell_data["material"][0].dtype == np.int32
@@ -188,7 +211,7 @@ def test_a_field_that_is_not_finite_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["model.stl", "model", "model.gz", "model.xyz"])
+@pytest.mark.parametrize("name", ["model.step", "model", "model.gz", "model.xyz"])
 def test_an_unknown_extension_names_the_known(name, tmp_path):
     for refused in (lambda: check_extension(name), lambda: write(model("quad4"), tmp_path / name)):
         with pytest.raises(InputError, match=r"expected a mesh file of \.inp, \.vtu, .*\.vtk.*, got"):

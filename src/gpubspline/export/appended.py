@@ -26,6 +26,9 @@ from gpubspline.files import whole_file
 _CHUNK = 1 << 18
 """Rows interleaved at a time, which bounds the memory."""
 
+FIELD_DATA = "FieldData"
+"""The section of arrays that belong to no point and no cell."""
+
 COUNT = np.dtype("<u8")
 TYPES = {
     np.dtype(f"<{code}{size}"): f"{name}{8 * size}"
@@ -67,6 +70,12 @@ def stored_type(dtype: DTypeLike, name: str) -> np.dtype[Any]:
 def field_arrays(types: Mapping[str, DTypeLike], count: int) -> list[Array]:
     """Arrays of ``count`` numbers for fields given by name and type; raises InputError for a type VTK has not."""
     return [Array(name, stored_type(dtype, name), count) for name, dtype in types.items()]
+
+
+def set_arrays_of(given: Mapping[str, NDArray[Any]]) -> list[Array]:
+    """Arrays of ``"FieldData"``, (n,) or (n, c) each."""
+    shapes = {name: (*values.shape, 1) for name, values in given.items()}
+    return [Array(n, stored_type(v.dtype, n), shapes[n][0], shapes[n][1]) for n, v in given.items()]
 
 
 Sections = Mapping[str, Sequence[Array]]
@@ -118,7 +127,7 @@ def appended_file(path: Path, grid: str, attributes: Mapping[str, str], sections
     path: in an existing folder.
     grid: VTK's name, ``"StructuredGrid"`` or ``"UnstructuredGrid"``.
     attributes: of the one piece, and of the grid where they are its extent.
-    sections: the arrays of ``"PointData"``, ``"CellData"``, ``"Points"`` and ``"Cells"``.
+    sections: the arrays of ``"FieldData"`` first, ``"PointData"``, ``"CellData"``, ``"Points"`` and ``"Cells"``.
 
     Raises
     ------
@@ -151,7 +160,9 @@ def _header(grid: str, attributes: Mapping[str, str], arrays: Mapping[_Key, Arra
         f"<Piece{piece}>",
     ]
     for section in dict.fromkeys(section for section, _ in arrays):
-        lines += [f"<{section}>", *_data_arrays(section, arrays, offsets), f"</{section}>"]
+        block = [f"<{section}>", *_data_arrays(section, arrays, offsets), f"</{section}>"]
+        lines[-1:-1] = block if section == FIELD_DATA else []  # which is of the grid, before its piece
+        lines += [] if section == FIELD_DATA else block
     lines += ["</Piece>", f"</{grid}>", '<AppendedData encoding="raw">', ""]
     text = "\n".join(lines).encode()
     return text + b" " * (-(len(text) + 1) % 8) + b"_"
@@ -162,5 +173,6 @@ def _data_arrays(section: str, arrays: Mapping[_Key, Array], offsets: dict[_Key,
         if key[0] == section:
             # meshio takes a stated single component for a table of one column
             shape = f' NumberOfComponents="{array.n_components}"' if array.n_components > 1 else ""
-            kind = f'type="{TYPES[array.dtype]}" Name={quoteattr(array.name)}{shape}'
+            count = f' NumberOfTuples="{array.n_rows}"' if section == FIELD_DATA else ""
+            kind = f'type="{TYPES[array.dtype]}" Name={quoteattr(array.name)}{shape}{count}'
             yield f'<DataArray {kind} format="appended" offset="{offsets[key]}"/>'

@@ -166,8 +166,10 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     InputError where bins or a table are wanted and the mesh has no material or none that the format can hold, or where
     the load case does not fit the mesh.
     """
+    mesh = _with_sides(mesh)
     placed = Placed(None, {}, {}) if wanted.load is None else place_loads(wanted.load, mesh)
-    faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets else {}
+    wants_faces = form.binned or mesh.structure is not None or wanted.load is not None  # else they cost a search
+    faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets and wants_faces else {}
     node_sets = _named(mesh.node_sets, placed.node_sets)
     named = replace(mesh, node_sets=node_sets, element_sets=_named(mesh.element_sets, {}))
     means = _material(mesh, form, wanted)
@@ -188,8 +190,22 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     )
 
 
+def _with_sides(mesh: Mesh) -> Mesh:
+    """Name the sides of a structured mesh, which a file that it was read from need not."""
+    if mesh.structure is None or mesh.element.dimension == 2:
+        return mesh
+    sides = {side: np.unique(mesh.boundary(side)) for side in mesh.element.sides if side not in mesh.node_sets}
+    if not sides:
+        return mesh
+    known = {**mesh.node_sets, **sides}
+    outer = np.unique(np.concatenate([known[side] for side in mesh.element.sides]))
+    return replace(mesh, node_sets={**known, "surface": mesh.node_sets.get("surface", outer)})
+
+
 def _surfaces(mesh: Mesh) -> dict[str, Faces]:
     """Sides of a structured mesh, and for every other node set the boundary faces whose nodes are all in it."""
+    if not mesh.node_sets:
+        return {}
     outer, found = outer_faces(mesh), {}
     places = list(mesh.element.sides)
     for name, members in mesh.node_sets.items():

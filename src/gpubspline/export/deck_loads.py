@@ -93,7 +93,8 @@ class Placed:
 def outer_faces(mesh: Mesh) -> Faces:
     """Faces of the boundary of hexes."""
     elements, sides = mesh.boundary_places()
-    return Faces(elements, sides, mesh.boundary())
+    vertices = np.array(list(mesh.element.sides.values()))
+    return Faces(elements, sides, np.take_along_axis(mesh.cells_of(elements), vertices[sides], axis=1))
 
 
 def place_loads(case: LoadCase, mesh: Mesh) -> Placed:

@@ -1,6 +1,6 @@
 """Whatever else meshio writes: formats that give back what they were given, checked with every element type.
 
-Left out: .stl, .off, .wkt, .svg and .xml, which hold triangles; .ugrid, .ele and .vol, whose files meshio does not read
+Left out: .off, .wkt, .svg and .xml, which hold triangles; .ugrid, .ele and .vol, whose files meshio does not read
 back; .med, .cgns, .h5m and .exo, which need HDF5 and whose vertex order meshio does not convert.
 """
 
@@ -78,5 +78,4 @@ FORMATS = (
     _format("permas", (".dato",), STRAIGHT),
     _format("su2", (".su2",), ("hex8",)),
     _format("obj", (".obj",), ("quad4",)),
-    _format("ply", (".ply",), ("quad4",), fields=True),
 )

@@ -15,6 +15,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import vtkhdf
 from gpubspline.export.quiet import quiet_meshio
 from gpubspline.export.read_appended import StoredGrid, read_appended
+from gpubspline.export.sets import sets_of
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -82,7 +83,14 @@ def _structured(found: StoredGrid) -> Mesh:
         structure=nodes,
         fields=scalars(found.arrays.get("PointData", {})),
         cell_fields=scalars(found.arrays.get("CellData", {})),
+        **_sets(found),
     )
+
+
+def _sets(found: StoredGrid) -> dict[str, Any]:
+    """Keywords of ``Mesh``."""
+    nodes, elements = sets_of(found.arrays.get("FieldData", {}))
+    return {"node_sets": nodes, "element_sets": elements}
 
 
 def _unstructured(found: StoredGrid) -> Mesh | None:
@@ -97,6 +105,7 @@ def _unstructured(found: StoredGrid) -> Mesh | None:
         connectivity=cells.reshape(len(types), ELEMENTS[names[0]].n_nodes),
         fields=scalars(found.arrays.get("PointData", {})),
         cell_fields=scalars(found.arrays.get("CellData", {})),
+        **_sets(found),
     )
 
 

@@ -25,7 +25,8 @@ class StoredGrid:
     ----------
     grid: VTK's name, ``"StructuredGrid"`` or ``"UnstructuredGrid"``.
     piece: attributes of the one piece.
-    arrays: by section (``"PointData"``, ``"CellData"``, ``"Points"``, ``"Cells"``) and name, (n,) or (n, c).
+    arrays: by section (``"FieldData"``, ``"PointData"``, ``"CellData"``, ``"Points"``, ``"Cells"``) and name, (n,) or
+        (n, c).
     """
 
     grid: str
@@ -50,13 +51,14 @@ def read_appended(path: Path) -> StoredGrid | None:
     root = ElementTree.fromstring(head[:end] + b"</VTKFile>")
     pieces = root.findall("*/Piece")
     plain = root.get("byte_order") == "LittleEndian" and root.get("compressor") is None and len(pieces) == 1
-    tags = pieces[0].findall("*/DataArray") if plain else []
+    own = root.findall("*/FieldData")
+    tags = [*pieces[0].findall("*/DataArray"), *root.findall("*/FieldData/DataArray")] if plain else []
     if not plain or any(tag.get("format") != "appended" for tag in tags):
         return None
     start, count = head.index(b"_", end) + 1, _COUNTS[root.get("header_type", "UInt32")]
     sections = {
         section.tag: {tag.attrib["Name"]: _map(path, tag, start, count) for tag in section.findall("DataArray")}
-        for section in pieces[0]
+        for section in (*own, *pieces[0])
     }
     return StoredGrid(root.attrib["type"], dict(pieces[0].attrib), sections)
 

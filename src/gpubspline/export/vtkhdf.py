@@ -1,6 +1,6 @@
 """VTK's HDF5 file of an unstructured grid (.vtkhdf): binary, with every field; connectivity is written part by part.
 
-The format has no node or element sets: they are left out. Source: VTKHDF format specification, "UnstructuredGrid".
+Sets and surfaces are field data; see ``sets``. Source: VTKHDF format specification, "UnstructuredGrid".
 """
 
 from pathlib import Path
@@ -12,6 +12,7 @@ from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
 from gpubspline.export.read_appended import StoredGrid
 from gpubspline.export.rows import chunks
+from gpubspline.export.sets import set_arrays
 from gpubspline.files import whole_file
 from gpubspline.mesh.elements import MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -34,6 +35,9 @@ def write(deck: Deck, path: Path) -> None:
             data = group.create_group(section)
             for name, values in fields.items():
                 data[name.replace("/", "_")] = values  # a slash would make a group
+        data = group.create_group("FieldData")
+        for name, values in set_arrays(deck).items():
+            data[name] = values
 
 
 def _write_cells(group: Any, mesh: Mesh) -> None:
@@ -66,7 +70,7 @@ def read(path: Path) -> StoredGrid:
             raise ValueError("not an unstructured grid in one piece")
         fields = {
             section: {name: values[:] for name, values in group.get(section, {}).items()}
-            for section in ("PointData", "CellData")
+            for section in ("FieldData", "PointData", "CellData")
         }
         cells = {"connectivity": group["Connectivity"][:], "types": group["Types"][:]}
         return StoredGrid("UnstructuredGrid", {}, {**fields, "Points": {"Points": group["Points"][:]}, "Cells": cells})
@@ -80,6 +84,7 @@ FORMATS = (
         write,
         nodal="field",
         loads=True,
+        sets=True,
         fields=True,
         cell_fields=True,
         needs="h5py",

@@ -1,6 +1,8 @@
 """VTK's XML structured grid (.vts), written whole or slab by slab: no connectivity, binary, with every field.
 
-The format has no node or element sets: they are left out. Source: VTK file formats, "StructuredGrid".
+Sets and surfaces are field data where the file is written whole; see ``sets``.
+
+Source: VTK file formats, "StructuredGrid".
 """
 
 from collections.abc import Mapping
@@ -14,9 +16,18 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gpubspline.errors import InputError
-from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
+from gpubspline.export.appended import (
+    FIELD_DATA,
+    AppendedFile,
+    Array,
+    appended_file,
+    field_arrays,
+    set_arrays_of,
+    stored_type,
+)
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
+from gpubspline.export.sets import set_arrays
 from gpubspline.mesh.slabs import Slab
 
 STRAIGHT = ("quad4", "hex8")
@@ -37,6 +48,7 @@ class VtsWriter:
     counts: nodes per direction (n_u, n_v[, n_w]); two for a surface of quads.
     point_fields, cell_fields: names and types of the nodal and element fields.
     dtype: of the points.
+    field_data: arrays of no point and no cell, (n,) or (n, c) each.
 
     Raises
     ------
@@ -51,13 +63,16 @@ class VtsWriter:
         point_fields: Mapping[str, DTypeLike] | None = None,
         cell_fields: Mapping[str, DTypeLike] | None = None,
         dtype: DTypeLike = np.float32,
+        field_data: Fields | None = None,
     ) -> None:
         if len(counts) not in (2, 3) or min(counts) < 2:
             raise InputError(f"expected 2 or 3 node counts of at least 2, got {counts}")
         self._path, self._stack = Path(path), ExitStack()
         self._counts = n_u, n_v, n_w = (*counts, 1)[:3]
         self._cells = n_u - 1, n_v - 1, max(n_w - 1, 1)
+        self._field_data = dict(field_data or {})
         self._sections = {
+            FIELD_DATA: set_arrays_of(self._field_data),
             "PointData": field_arrays(point_fields or {}, prod(self._counts)),
             "CellData": field_arrays(cell_fields or {}, prod(self._cells)),
             "Points": [Array("Points", stored_type(dtype, "Points"), prod(self._counts), 3)],
@@ -71,6 +86,8 @@ class VtsWriter:
         opened = appended_file(self._path, "StructuredGrid", {"Extent": extent}, self._sections)
         self._file: AppendedFile = self._stack.enter_context(opened)
         self._stack.push(self._check_complete)
+        for name, values in self._field_data.items():
+            self._file.put(FIELD_DATA, name, 0, values)
         return self
 
     def __exit__(
@@ -172,7 +189,7 @@ def write(deck: Deck, path: Path) -> None:
     cells = tuple(max(n - 1, 1) for n in nodes)
     types = {name: values.dtype for name, values in mesh.fields.items()}
     cell_types = {name: values.dtype for name, values in mesh.cell_fields.items()}
-    with VtsWriter(path, mesh.structure, types, cell_types, mesh.points.dtype) as writer:
+    with VtsWriter(path, mesh.structure, types, cell_types, mesh.points.dtype, set_arrays(deck)) as writer:
         writer.write(
             0,
             mesh.planes.reshape(3, *nodes),
@@ -181,4 +198,6 @@ def write(deck: Deck, path: Path) -> None:
         )
 
 
-FORMATS = (Format("vts", (".vts",), STRAIGHT, write, nodal="field", loads=True, fields=True, cell_fields=True),)
+FORMATS = (
+    Format("vts", (".vts",), STRAIGHT, write, nodal="field", loads=True, sets=True, fields=True, cell_fields=True),
+)

@@ -1,16 +1,25 @@
 """VTK's XML unstructured grid (.vtu): binary, with every field; connectivity is spelled out part by part.
 
-The format has no node or element sets: they are left out. Source: VTK file formats, "UnstructuredGrid".
+Sets and surfaces are field data; see ``sets``. Source: VTK file formats, "UnstructuredGrid".
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from gpubspline.export.appended import AppendedFile, Array, appended_file, field_arrays, stored_type
+from gpubspline.export.appended import (
+    FIELD_DATA,
+    AppendedFile,
+    Array,
+    appended_file,
+    field_arrays,
+    set_arrays_of,
+    stored_type,
+)
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
 from gpubspline.export.rows import chunks
+from gpubspline.export.sets import set_arrays
 from gpubspline.mesh.elements import MESHABLE
 from gpubspline.mesh.mesh import Mesh
 
@@ -20,7 +29,9 @@ def write(deck: Deck, path: Path) -> None:
     mesh = deck.with_all_fields
     n_entries = mesh.n_elements * mesh.element.n_nodes
     counting = np.dtype(np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64)
+    sets = set_arrays(deck)
     sections = {
+        FIELD_DATA: set_arrays_of(sets),
         "PointData": field_arrays({name: values.dtype for name, values in mesh.fields.items()}, mesh.n_nodes),
         "CellData": field_arrays({name: values.dtype for name, values in mesh.cell_fields.items()}, mesh.n_elements),
         "Points": [Array("Points", stored_type(mesh.points.dtype, "Points"), mesh.n_nodes, 3)],
@@ -32,6 +43,8 @@ def write(deck: Deck, path: Path) -> None:
     }
     size = {"NumberOfPoints": str(mesh.n_nodes), "NumberOfCells": str(mesh.n_elements)}
     with appended_file(path, "UnstructuredGrid", size, sections) as file:
+        for name, values in sets.items():
+            file.put(FIELD_DATA, name, 0, values)
         for name, values in mesh.fields.items():
             file.put("PointData", name, 0, values)
         for name, values in mesh.cell_fields.items():
@@ -49,4 +62,6 @@ def _write_cells(file: AppendedFile, mesh: Mesh, counting: np.dtype[np.int32 | n
         file.put("Cells", "types", rows.start, np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8))
 
 
-FORMATS = (Format("vtu", (".vtu",), MESHABLE, write, nodal="field", loads=True, fields=True, cell_fields=True),)
+FORMATS = (
+    Format("vtu", (".vtu",), MESHABLE, write, nodal="field", loads=True, sets=True, fields=True, cell_fields=True),
+)

@@ -1,0 +1,36 @@
+"""Sets and surfaces as arrays by name, for formats that have arrays but no sets: VTK's field data.
+
+``node_set NAME`` holds node numbers, ``element_set NAME`` element numbers, ``surface NAME`` rows of an element number
+and a side, 0 to 5 for u0, u1, v0, v1, w0, w1; all from 0, as VTK counts.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.export.deck import Deck
+
+NODES, ELEMENTS, SURFACE = "node_set ", "element_set ", "surface "
+
+Arrays = dict[str, NDArray[np.int32]]
+
+
+def set_arrays(deck: Deck) -> Arrays:
+    """Arrays of the sets of a deck, but for the one of all elements."""
+    arrays = {f"{NODES}{name}": np.asarray(members) for name, members in deck.node_sets.items()}
+    arrays |= {f"{ELEMENTS}{name}": np.asarray(members) for name, members in deck.element_sets.items()}
+    for name, faces in deck.surfaces.items():
+        arrays[f"{SURFACE}{name}"] = np.stack([faces.elements, faces.sides], axis=1)
+    return {name: np.ascontiguousarray(values, dtype=np.int32) for name, values in arrays.items()}
+
+
+def sets_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Arrays, Arrays]:
+    """Node and element sets among the arrays of a file."""
+    found: tuple[Arrays, Arrays] = ({}, {})
+    for kind, sets in zip((NODES, ELEMENTS), found, strict=True):
+        for name, values in arrays.items():
+            if name.startswith(kind):
+                sets[name.removeprefix(kind)] = np.asarray(values, dtype=np.int32).ravel()
+    return found
