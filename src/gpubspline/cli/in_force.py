@@ -43,7 +43,7 @@ def settings(context: typer.Context) -> list[Setting]:
         if parameter.param_type_name == "argument" or parameter.name in (None, "help"):
             continue
         value = context.params.get(parameter.name)
-        text = ", ".join(_told(parameter, each) for each in _each(value)) or _default(parameter)
+        text = ", ".join(_told(parameter, each) for each in _each(value)) or _default(parameter, context.params)
         panel = getattr(parameter, "rich_help_panel", None) or "Options"
         found.append(Setting(str(panel), parameter.opts[0], text, _given(context, parameter.name)))
     order = list(dict.fromkeys(setting.panel for setting in found))
@@ -85,7 +85,7 @@ def _told(parameter: Any, value: Any) -> str:
 
 def _file(path: Any) -> str:
     ending = ENDINGS.search(str(path))
-    return "FILE" + (ending.group(0).lower() if ending else "")
+    return "FILE" + ending.group(0).lower() if ending else "DIR" if Path(path).is_dir() else "FILE"
 
 
 def _each(value: Any) -> Iterable[Any]:
@@ -94,7 +94,10 @@ def _each(value: Any) -> Iterable[Any]:
     return value if isinstance(value, list | tuple) else [value]
 
 
-def _default(parameter: Any) -> str:
+def _default(parameter: Any, params: dict[str, Any]) -> str:
     """What the help says of the default, where it is chosen by the data."""
+    masked = params.get("mask") is not None
+    if (parameter.name == "threshold" and masked) or (parameter.name == "label" and not masked):
+        return "-"
     said = re.search(r"\(default: ([^()]*(?:\([^()]*\))?[^()]*)\)", str(getattr(parameter, "help", "") or ""))
     return said.group(1) if said else "-"

@@ -88,7 +88,19 @@ def test_figures_become_words_with_units() -> None:
         ("parts 1", "part head; force (0, 0, -10) N"),
     ]
     assert [number(v) for v in (1234567, 0.00012, 0.25, 1234.56, 20000.0, True, None, "a")] == [
-        *("1,234,567", "1.200e-04", "0.25", "1,235", "20,000", "True", "-", "a"),
+        *("1,234,567", "1.200e-04", "0.25", "1,235", "20,000", "yes", "-", "a"),
+    ]
+
+
+def test_alarms_become_shares_and_masses() -> None:
+    alarms = {"mapping": "nodal", "of": "nodes", "count": 200, "outside_law": 0.0825, "beyond_specimens": None}
+    alarms |= {"near_zero_modulus": 0.0, "near_zero_mpa": 10.0, "surface_depth_mm": None, "order_difference": None}
+    alarms |= {"mass_g": {"mesh": 129.94, "voxels": 143.1, "difference": -0.092}}
+    assert figure_rows({"alarms": alarms, "mass_g": 129.94, "out_of_range_nodes": 16}) == [
+        ("mapping", "nodal"),
+        ("outside the law", "8.25 % of the nodes"),
+        ("modulus below 10 MPa", "0 % of the nodes"),
+        ("mass of the mesh", "129.9 g, of the voxels 143.1 g: -9.2 %"),
     ]
 
 

@@ -6,17 +6,18 @@ from typing import Annotated
 import typer
 
 from gpubspline.cli.app import app
-from gpubspline.cli.options import OutputOptions, RunOptions, SamplingOptions, SplineOptions, flattened
+from gpubspline.cli.options import OutputOptions, ReportOptions, RunOptions, SamplingOptions, SplineOptions, flattened
 from gpubspline.errors import InputError
 
 
 @app.command()
 @flattened
 def demo(
+    context: typer.Context,
     run: RunOptions,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="where the files go")] = Path("gpubspline-demo"),
 ) -> None:
-    """Scan the adult femur phantom and make its model: mesh, deck, picture, histogram, figures."""
+    """Scan the adult femur phantom and make its model: mesh, deck, pictures, figures, report."""
     from gpubspline import pipeline
     from gpubspline.cli import describe
     from gpubspline.ct.phantom_dicom import write_phantom
@@ -31,6 +32,7 @@ def demo(
     folder.mkdir(exist_ok=True)
     series, deck, picture = folder / "ct", folder / "femur.inp", folder / "femur.png"
     files = OutputOptions(folder / "femur.vtu", folder / "femur.json", picture, "HU", folder / "histogram.png")
+    page = ReportOptions(folder / "report.html")
     files.check()
     with run.clock() as clock:
         if not series.is_dir():
@@ -42,4 +44,6 @@ def demo(
         files.write(model, figures, clock)
         with clock.stage("write"):
             write(model.mesh, deck, law=model.law)
-    run.say([*describe.summary_lines(figures), *describe.wrote([series, *files.paths, deck])])
+        known = {"quality": model.counted.quality, "volume": fitted.volume, "laws": [model.law]}
+        page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
+    run.say([*describe.summary_lines(figures), *describe.wrote([series, *files.paths, deck, *page.paths])])

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-LEFT, RIGHT, TOP, BOTTOM = 62.0, 10.0, 12.0, 40.0
+LEFT, RIGHT, TOP, BOTTOM = 68.0, 18.0, 12.0, 40.0
 """Margins around the frame, in the picture's units."""
 
 

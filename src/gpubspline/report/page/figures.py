@@ -20,13 +20,38 @@ UNITS = {
 }
 """Endings of keys and the units that they are."""
 
-ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "regions")
+ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "regions", "alarms")
 """Keys that have a section of their own."""
 
 
 def figure_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     """Name and value of every figure that is known and has no section of its own."""
-    rows = [row for key, value in figures.items() if key not in ELSEWHERE for row in _rows(*_unit_of(key), value)]
+    alarms = figures.get("alarms") or {}
+    taken = [*ELSEWHERE, *(["mass_g", "out_of_range_nodes"] if alarms else [])]
+    rows = [row for key, value in figures.items() if key not in taken for row in _rows(*_unit_of(key), value)]
+    return rows + alarm_rows(alarms)
+
+
+def alarm_rows(alarms: dict[str, Any]) -> list[tuple[str, str]]:
+    """Name and value of the counts of a mapping, of ``Alarms.to_dict``: shares in percent, masses in g."""
+    of, soft = alarms.get("of", "nodes"), alarms.get("near_zero_mpa", 0)
+    shares = {
+        "outside the law": alarms.get("outside_law"),
+        "density of no specimen": alarms.get("beyond_specimens"),
+        f"modulus below {soft:g} MPa": alarms.get("near_zero_modulus"),
+    }
+    rows = [("mapping", str(alarms["mapping"]))] if alarms.get("mapping") else []
+    rows += [(name, f"{100 * share:.3g} % of the {of}") for name, share in shares.items() if share is not None]
+    mass = alarms.get("mass_g") or {}
+    if mass.get("mesh") is not None:
+        rest = "" if mass.get("voxels") is None else f", of the voxels {number(mass['voxels'])} g: "
+        off = "" if mass.get("difference") is None else f"{100 * mass['difference']:+.3g} %"
+        rows.append(("mass of the mesh", f"{number(mass['mesh'])} g{rest}{off}"))
+    if alarms.get("surface_depth_mm"):
+        rows.append(("surface read at a depth of", f"{number(alarms['surface_depth_mm'])} mm"))
+    order = alarms.get("order_difference")
+    if order:
+        rows.append(("element-hu from element-e", f"{order['mean']:.2%} on average, {order['max']:.2%} at most"))
     return rows
 
 
@@ -64,7 +89,7 @@ def _told(value: Any, unit: str) -> str:
 def vector(values: Sequence[Any]) -> str:
     """Write numbers beside each other; what is nothing beside the greatest of them is 0."""
     sizes = [abs(value) for value in values if isinstance(value, int | float)]
-    least = 1e-9 * max(sizes, default=0.0)
+    least = 1e-6 * max(sizes, default=0.0)
     kept = [0.0 if isinstance(value, float) and abs(value) < least else value for value in values]
     return "(" + ", ".join(number(value) for value in kept) + ")"
 
@@ -85,14 +110,16 @@ def _unit_of(key: str) -> tuple[str, str]:
 
 def _words(key: str) -> str:
     words = key.replace("_", " ")
-    return {"hu": "HU", "modulus": "Young's modulus"}.get(words, words)
+    return {"hu": "HU", "modulus": "Young's modulus", "jacobian determinant": "Jacobian determinant"}.get(words, words)
 
 
 def number(value: Any) -> str:
     """Write whole numbers with commas, others to four digits; texts stay."""
     if value is None:
         return "-"
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float):
         return str(value)
     if isinstance(value, int):
         return f"{value:,}"

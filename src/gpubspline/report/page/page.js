@@ -98,7 +98,7 @@ function faceSize(body, nodes) {
 function tell(body, face, node) {
   const owner = body.owners[face];
   const parts = [["element", (owner + 1).toLocaleString("en")], ["node", (body.nodes[node] + 1).toLocaleString("en")],
-    ["x, y, z (mm)", body.mm.map((values) => values[node].toFixed(1)).join(", ")],
+    ["x, y, z (mm)", body.mm.map((values) => tenths(values[node])).join(", ")],
     ...body.fields.map((f) => [f.label, told(valueOf(f, f.steps[f.where === "node" ? node : face]))])];
   const box = byId("pick");
   box.classList.remove("screen");
@@ -123,7 +123,7 @@ function connectCuts(scene, use) {
   let along = [];
   const show = () => {
     const cut = along[Number(place.value)] || null;
-    byId("at").textContent = cut ? `${"xyz"[cut.axis]} = ${cut.at.toFixed(1)} mm` : "";
+    byId("at").textContent = cut ? `${"xyz"[cut.axis]} = ${tenths(cut.at)} mm` : "";
     use(cut);
   };
   place.oninput = show;

@@ -8,7 +8,7 @@ async function makeSlices(ct, body, outline) {
   const size = ct.views.map((view) => [view.right, view.up].map((axis) => ct.shape[axis] * spacing[axis]));
   const total = size.reduce((t, [wide]) => t + wide, 0), tallest = Math.max(...size.map(([, high]) => high));
   trio.style.setProperty("--shape", total / tallest);
-  ct.views.forEach((view, place) => {
+  const draws = ct.views.map((view, place) => {
     const figure = document.createElement("figure");
     figure.style.flex = `${size[place][0]} 1 0`;
     const [canvas, slider, caption] = ["canvas", "input", "figcaption"].map((tag) => figure.appendChild(document.createElement(tag)));
@@ -21,11 +21,14 @@ async function makeSlices(ct, body, outline) {
       drawSlice(canvas, view, ct, n, (a, b) => grey[n * strides[view.across] + a * strides[view.right] + b * strides[view.up]], spacing);
       drawOutline(canvas, view, ct, outline ? edgesOf(outline, index, view, n) : crossings(body, index, view, n), outline);
       const mm = [0, 1, 2].map((x) => ct.affine[x][3] + [0, 1, 2].reduce((t, a) => t + ct.affine[x][a] * (a === view.across ? n : ct.shape[a] / 2), 0));
-      caption.textContent = `${view.name}, slice ${n + 1} of ${ct.shape[view.across]}, ${view.patient} = ${mm["xyz".indexOf(view.patient)].toFixed(1)} mm at its middle`;
+      caption.textContent = `${view.name}, slice ${n + 1} of ${ct.shape[view.across]}, ${view.patient} = ${tenths(mm["xyz".indexOf(view.patient)])} mm at its middle`;
     };
     slider.addEventListener("input", draw);
-    draw();
+    return draw;
   });
+  const redraw = () => draws.forEach((draw) => draw()); // letters and lines are as large on any screen
+  redraw();
+  window.addEventListener("resize", redraw);
   document.getElementById("sliceNote").textContent = `Grey runs from ${ct.window[0]} to ${ct.window[1]} HU. ${ct.note}`;
 }
 

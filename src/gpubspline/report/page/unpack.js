@@ -30,3 +30,5 @@ function told(value) {
   if (value && (size < 1e-3 || size >= 1e7)) return value.toExponential(3);
   return size >= 1000 ? Math.round(value).toLocaleString("en") : String(Number(value.toPrecision(4)));
 }
+
+const tenths = (mm) => mm.toFixed(1).replace(/^-0\.0$/, "0.0");
