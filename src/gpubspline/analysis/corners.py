@@ -90,8 +90,10 @@ def corners(mesh: Mesh, k: Stiffness, held: NDArray[np.bool_], free: Buffer, dev
     """Make the preconditioner of a structured mesh of order 2; its multigrid works on ``device``."""
     assert mesh.structure is not None
     at = structure.corner_nodes(mesh.element, mesh.structure)
-    fields = {name: mesh.fields[name][at] for name in ("E_MPa", "nu")}
-    coarse = Mesh(mesh.points[at], "hex8", structure=mesh.structure, fields=fields)
+    names = ("E_MPa", "nu")
+    fields = {name: mesh.fields[name][at] for name in names if name in mesh.fields}
+    own = {name: mesh.cell_fields[name] for name in names if name in mesh.cell_fields}
+    coarse = Mesh(mesh.points[at], "hex8", structure=mesh.structure, fields=fields, cell_fields=own)
     counts = (mesh.structure[0], mesh.structure[1], mesh.structure[2])
     grids = multigrid(stiffness(coarse, device, k.modulus), counts, coarse.points, held[at])
     made = Corners(k, free, k.inverse_blocks(free), grids, _linear(mesh), (~held.T).astype(np.float64))

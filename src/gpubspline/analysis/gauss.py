@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.analysis.stiffness import FORMULATIONS, MODULI, lame_moduli
+from gpubspline.analysis.moduli import MODULI, check_material, lame_moduli
+from gpubspline.analysis.stiffness import FORMULATIONS
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -54,7 +55,7 @@ def gauss_stress(
 
     Arguments
     ---------
-    mesh: hexes with the nodal fields ``E_MPa`` and ``nu``.
+    mesh: hexes with the fields ``E_MPa`` and ``nu`` (see ``moduli.py``).
     displacement_mm: (n, 3) of the nodes.
     elements: (m,) numbers of the elements, all of them where None.
     modulus: ``"graded"``, E and nu interpolated by the shape functions, or ``"element"``, the means of their nodes.
@@ -77,7 +78,7 @@ def gauss_stress(
     along = _derivatives(np.asarray(displacement_mm, dtype=np.float64).T, nodes, element.gradient(at))
     slope = np.einsum("cdgm,dlgm->clgm", along, cofactors) / det
     volume = det * weights[:, None]
-    lame, shear = lame_moduli(mesh, cells, element.shape(at), modulus)
+    lame, shear = lame_moduli(mesh, cells, element.shape(at), modulus, elements)
     if formulation == "incompatible":
         slope = slope + _mode_slopes(tangents, det, slope, volume, lame, shear)
     strain = np.stack([(slope[c, d] + slope[d, c]) / 2 for c, d in COMPONENTS])
@@ -94,9 +95,7 @@ def check_options(mesh: Mesh, modulus: str, formulation: str) -> None:
     """Raise InputError where stress cannot be found on the mesh with these options."""
     if mesh.element.dimension != 3:
         raise InputError(f"expected hexes to have stress, got {mesh.element_type}")
-    for name in ("E_MPa", "nu"):
-        if name not in mesh.fields:
-            raise InputError(f"expected the nodal fields E_MPa and nu, got a mesh without {name}")
+    check_material(mesh)
     if modulus not in MODULI:
         raise InputError(f"expected a modulus of {' or '.join(MODULI)}, got {modulus!r}")
     if formulation not in FORMULATIONS:

@@ -182,13 +182,14 @@ def _push(made: AssembledLoads, load: Force | Pressure, surface: Surface, axes: 
 
 
 def _weigh(made: AssembledLoads, acceleration: Floats, mesh: Mesh) -> Applied:
-    if "density_g_cm3" not in mesh.fields:
-        raise InputError("expected the nodal field density_g_cm3 for gravity, got a mesh without it")
+    if "density_g_cm3" not in mesh.fields and "density_g_cm3" not in mesh.cell_fields:
+        raise InputError("expected the field density_g_cm3 for gravity, got a mesh without it")
     mass = np.zeros((mesh.n_nodes, 1))
     moment = np.zeros(3)
     for first in range(0, mesh.n_elements, _ELEMENTS):
-        nodes = mesh.cells_of(np.arange(first, min(first + _ELEMENTS, mesh.n_elements)))
-        on_nodes, at = _element_mass(mesh, nodes)
+        elements = np.arange(first, min(first + _ELEMENTS, mesh.n_elements))
+        nodes = mesh.cells_of(elements)
+        on_nodes, at = _element_mass(mesh, nodes, elements)
         _add(mass, nodes, on_nodes[..., None])
         moment += at
     made.forces_n[...] += mass * acceleration
@@ -196,7 +197,7 @@ def _weigh(made: AssembledLoads, acceleration: Floats, mesh: Mesh) -> Applied:
     return Applied("gravity", "body", 0.0, mesh.n_nodes, total * acceleration, moment / max(total, 1e-300))
 
 
-def _element_mass(mesh: Mesh, nodes: NDArray[np.int32]) -> tuple[Floats, Floats]:
+def _element_mass(mesh: Mesh, nodes: NDArray[np.int32], elements: NDArray[Any]) -> tuple[Floats, Floats]:
     """Consistent mass (m, k) of elements at their nodes, tonne, and its first moment (3,), tonne mm."""
     element = mesh.element
     points, weights = np.polynomial.legendre.leggauss(element.order + 2)
@@ -206,7 +207,10 @@ def _element_mass(mesh: Mesh, nodes: NDArray[np.int32]) -> tuple[Floats, Floats]
     x = mesh.points[nodes].astype(np.float64)
     jacobian = np.linalg.det(np.einsum("dgk,mkc->mgdc", element.gradient(at), x, optimize=True))
     shape = element.shape(at)
-    density = mesh.fields["density_g_cm3"][nodes].astype(np.float64) @ shape.T
+    if "density_g_cm3" in mesh.fields:
+        density = mesh.fields["density_g_cm3"][nodes].astype(np.float64) @ shape.T
+    else:
+        density = np.tile(mesh.cell_fields["density_g_cm3"][elements, None].astype(np.float64), (1, len(shape)))
     mass = TONNE_MM3 * density * jacobian * weight
     return mass @ shape, np.einsum("mg,gk,mkc->c", mass, shape, x, optimize=True)
 

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gpubspline.analysis.moduli import MODULI, check_material, lame_moduli
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.mesh import Mesh
 
 FORMULATIONS = ("full", "incompatible", "bbar")
 """Of hex8; their numbers are those of the kernels."""
-MODULI = ("graded", "element")
 _CHUNK = 1 << 16
 """Elements whose modes are inverted at a time, which bounds the memory."""
 
@@ -105,12 +105,12 @@ class Stiffness:
 
 
 def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: str = "full") -> Stiffness:
-    """Bring a mesh of hexes with its nodal fields ``E_MPa`` and ``nu`` to a device.
+    """Bring a mesh of hexes with its fields ``E_MPa`` and ``nu`` (see ``moduli.py``) to a device.
 
     Arguments
     ---------
-    modulus: ``"graded"``, nodal values interpolated by the shape functions (Kim and Paulino 2002), or ``"element"``,
-        the mean of each element's nodes throughout it.
+    modulus: ``"graded"``, nodal values interpolated by the shape functions (Kim and Paulino 2002) or those at the Gauss
+        points where the mesh has them, or ``"element"``, the mean of each element's nodes throughout it.
     formulation: of hex8: ``"full"`` integration, ``"incompatible"`` modes, which bend freely, or ``"bbar"``, the mean
         dilatation, for nearly incompressible material.
 
@@ -159,14 +159,7 @@ def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
         raise InputError(f"expected a formulation of {', '.join(FORMULATIONS)}, got {formulation!r}")
     if formulation != "full" and mesh.element_type != "hex8":
         raise InputError(f"expected hex8 for the formulation {formulation!r}, got {mesh.element_type}")
-    missing = [name for name in ("E_MPa", "nu") if name not in mesh.fields]
-    if missing:
-        raise InputError(f"expected a mesh with a material, got one without {' and '.join(missing)}")
-    least, nu = float(np.min(mesh.fields["E_MPa"])), mesh.fields["nu"]
-    if not (least > 0 and np.all(np.isfinite(mesh.fields["E_MPa"]))):
-        raise InputError(f"expected positive moduli, got a least of {least:g} MPa")
-    if not (np.min(nu) > -1 and np.max(nu) < 0.5):
-        raise InputError(f"expected Poisson's ratios above -1 and below 0.5, got {np.min(nu):g} to {np.max(nu):g}")
+    check_material(mesh)
     numbers = 24 if mesh.element.order == 1 else 9 * 27
     if numbers * mesh.n_elements >= 2**31:
         raise InputError(f"expected fewer elements than a 32-bit number counts, got {mesh.n_elements:,}")
@@ -179,22 +172,6 @@ def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, 
     bad = np.flatnonzero(~(device.get(out).min(axis=0) > 0))
     if len(bad):
         raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0]}")
-
-
-def lame_moduli(mesh: Mesh, cells: NDArray[np.int32], shape: Floats, modulus: str) -> tuple[Floats, Floats]:
-    """Lame's lambda and mu, MPa, (points, m) each, of elements of nodes ``cells`` (m, k).
-
-    ``shape`` (points, k) are the shape functions at the points. Those of curved elements overshoot between a stiff and
-    a soft node, to below 0 in CT: E and nu stay within those of the element's own nodes.
-    """
-    values = []
-    for name in ("E_MPa", "nu"):
-        nodal = np.asarray(mesh.fields[name], dtype=np.float64)[cells]
-        if modulus == "element":
-            nodal[:] = nodal.mean(axis=1, keepdims=True)
-        values.append(np.clip(shape @ nodal.T, nodal.min(axis=1), nodal.max(axis=1)))
-    e, nu = values
-    return e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
 
 def _slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[Any], NDArray[Any]]:
