@@ -8,6 +8,7 @@ from gpubspline.errors import InputError
 from gpubspline.material.assign import assign
 from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
+from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.label_sets import with_label_sets
 from gpubspline.mesh.mesh import Mesh
@@ -74,7 +75,8 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
         outside = alarms.outside if alarms is not None and alarms.of == "nodes" else None
         known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
         counted = tally(mesh, quality, **known, weigh=False)  # the alarms do
-    return Model(mesh, counted, sampling, law, alarms, calibrated)
+        covered = cover(mesh, body.region, device) if body is not None and mesh.element.dimension == 3 else None
+    return Model(mesh, counted, sampling, law, alarms, calibrated, covered)
 
 
 def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
@@ -116,6 +118,7 @@ def summarise(
         error = fitted.fit.error
         known |= {"fit": fitted.method, "fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
     figures = summary(model.counted, device, clock.seconds, **known)
+    figures |= {} if model.coverage is None else model.coverage.to_dict()
     if choice is not None:
         figures["method"] = {"name": choice.method, "why": choice.why}
     return figures if meshed is None else figures | meshed.figures

@@ -14,6 +14,7 @@ from gpubspline.material.alarms import Alarms
 from gpubspline.material.assign import Mapping
 from gpubspline.material.calibration import Calibrated, Calibration
 from gpubspline.material.laws import Law
+from gpubspline.mesh.coverage import Coverage
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.tally import Tally
 from gpubspline.spline.fit import Fit
@@ -143,3 +144,4 @@ class Model:
     law: Law | None
     alarms: Alarms | None
     calibrated: Calibrated | None = None
+    coverage: Coverage | None = None

@@ -93,9 +93,12 @@ def validity_lines(counts: dict[str, Any] | None) -> list[str]:
     ]
 
 
-def method_lines(method: dict[str, str] | None) -> list[str]:
+def method_lines(method: dict[str, str] | None, size_mm: float | None = None) -> list[str]:
     """By which method a mesh was made, and why."""
-    return [] if method is None else [f"method     {method['name']}: {method['why']}"]
+    if method is None:
+        return []
+    size = f", elements of {size_mm:.3g} mm" if size_mm is not None else ""
+    return [f"method     {method['name']}{size}: {method['why']}"]
 
 
 def quality_lines(mesh: Mesh, quality: Quality) -> list[str]:
@@ -143,7 +146,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
     quality = figures["scaled_jacobian"]
     lines = [
         f"mesh       {figures['elements']:,} {figures['element_type']}, {figures['nodes']:,} nodes",
-        *method_lines(figures["method"]),
+        *method_lines(figures["method"], figures["size_mm"]),
         f"quality    scaled Jacobian from {quality['min']:.3f}, mean {quality['mean']:.3f}; "
         f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
         f"{quality['inverted']} inverted",
@@ -157,6 +160,12 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
         lines.append(
             f"surface    {distance['mean']:.2f} mm from the region's on average, 95 % within {distance['p95']:.2f}, "
             f"at most {distance['max']:.2f} mm"
+        )
+    back = figures["region_distance_mm"]
+    if back is not None:
+        lines.append(
+            f"           the region's {back['mean']:.2f} mm from it on average, 95 % within {back['p95']:.2f}, at most "
+            f"{back['max']:.2f} mm"
         )
     if figures["threshold_hu"] is not None:
         lines.append(f"threshold  {figures['threshold_hu']:.0f} HU")

@@ -70,6 +70,7 @@ def summary(
         "area_mm2": none if solid else sizes,
         "mass_g": counted.mass_g if alarms is None else alarms.mass_mesh_g,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
+        "region_distance_mm": None,
         "hu": _spread(counted.spreads.get("HU")),
         "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
         "out_of_range_nodes": counted.out_of_range,
