@@ -1,8 +1,10 @@
 """What the command line says of material laws and of what they made of a mesh: lines of text."""
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
+from gpubspline.analysis.law_comparison import LawOutcome
 from gpubspline.material.alarms import MASS_TOLERANCE
 from gpubspline.material.density import conversions
 from gpubspline.material.laws import Law
@@ -113,3 +115,23 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
     slope, intercept = calibration["slope_g_cm3_per_hu"], calibration["intercept_g_cm3"]
     line = "" if calibration["table"] else f"{_UNDER}{kind} = {slope:.6g} HU {intercept:+.4g} g/cm3"
     return [*lines, line] if line else lines
+
+
+def comparison_lines(outcomes: Sequence[LawOutcome]) -> list[str]:
+    """The laws on one model, from the softest, each beside the default."""
+    solved = all(each.stiffness_n_mm is not None for each in outcomes)
+    ordered = sorted(outcomes, key=_stiffness)
+    (paper,) = (each for each in outcomes if each.law.name == DEFAULT_LAW)
+    width = max(len(each.law.name) for each in ordered)
+    lines = [f"{'law':{width}}  mean E (MPa)  outside  stiffness (N/mm)  of the default's"]
+    for each in ordered:
+        name, mean, ratio = each.law.name, each.mean_modulus_mpa, _stiffness(each) / _stiffness(paper)
+        force = f"{each.stiffness_n_mm:16,.0f}" if solved else " " * 16
+        mark = "  unconfirmed in part" if each.law.all_unconfirmed else ""
+        lines.append(f"{name:{width}}  {mean:12,.0f}  {each.outside:7.1%}  {force}  {ratio:16.2f}{mark}")
+    return lines
+
+
+def _stiffness(outcome: LawOutcome) -> float:
+    """Stiffness of the model, or its mean modulus where it was not solved."""
+    return outcome.mean_modulus_mpa if outcome.stiffness_n_mm is None else outcome.stiffness_n_mm
