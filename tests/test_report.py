@@ -66,6 +66,15 @@ def test_report_of_a_solved_mesh(run: Command, femur: Path, tmp_path: Path) -> N
     assert names == ["von_mises_mpa", "HU", "E_MPa", "displacement_mm", "density_g_cm3", "scaled_jacobian"]
 
 
+def test_report_of_a_study(run: Command, femur: Path, tmp_path: Path) -> None:
+    given = ["--allow-gaps", "--control", "9,9,14", "--load", "stance", "--nodes-list", "5x5x8 6x6x9 7x7x10"]
+    assert run("study", femur, *given, "-o", tmp_path / "study", "--report", tmp_path / "s.html")[0] == 0
+    text = (tmp_path / "s.html").read_text(encoding="utf-8")
+    assert "Single-legged stance: 3 meshes, the finest of 324 hex8" in text
+    assert "<td>5 x 5 x 8</td><td>112</td>" in text and "change against the finest (%)" in text
+    assert "--nodes-list 5x5x8 6x6x9 7x7x10" in text and "mustermann" not in text.lower()
+
+
 def test_a_mesh_written_in_slabs_is_told_apart_from_the_coarser_one_shown(
     run: Command, femur: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

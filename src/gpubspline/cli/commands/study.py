@@ -10,6 +10,7 @@ from gpubspline.cli.app import app
 from gpubspline.cli.options import (
     ReadOptions,
     RegionOptions,
+    ReportOptions,
     RunOptions,
     SamplingOptions,
     SplineOptions,
@@ -22,6 +23,7 @@ from gpubspline.errors import InputError
 @app.command()
 @flattened
 def study(
+    context: typer.Context,
     source: Annotated[
         list[Path], typer.Argument(metavar="INPUT...", help="CT, or model file of 'gpubspline fit'", show_default=False)
     ],
@@ -30,6 +32,7 @@ def study(
     region: RegionOptions,
     spline: SplineOptions,
     sampled: SamplingOptions,
+    page: ReportOptions,
     run: RunOptions,
 ) -> None:
     """Solve meshes of growing density of one body: what converges, to what, how fast. Run again, it goes on."""
@@ -40,6 +43,7 @@ def study(
 
     if sampled.nodes is not None or region.slice_index is not None:
         raise InputError("expected --nodes-list for the meshes of a solid, got --nodes or --slice")
+    page.check(source)
     studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
     with run.clock() as clock:
         patch, body = _body(source, read, region, spline, device, clock)
@@ -51,7 +55,35 @@ def study(
         where: dict[str, Any] = {"folder": wanted.output, "device": device, "clock": clock, "made_from": made_from}
         found = converge(run_study(studied, patch, make, wanted.samples(patch.shape), **where))
         wanted.write(found, device)
-    run.say([*describe_study.study_lines(found), *describe.wrote(wanted.paths)])
+        if page.report:
+            _report(context, page, found, make(found.models[-1]["samples"]), sampling, body, device, clock)
+    run.say([*describe_study.study_lines(found), *describe.wrote([*wanted.paths, *page.paths])])
+
+
+def _report(
+    context: typer.Context,
+    page: ReportOptions,
+    found: Any,
+    finest: Any,
+    sampling: Any,
+    body: Any,
+    device: Any,
+    clock: Any,
+) -> None:
+    """Write the page: the table and curves of the study, and its finest mesh."""
+    from gpubspline.cli import describe
+    from gpubspline.mesh.quality import assess
+    from gpubspline.pipeline import calibrated_law
+    from gpubspline.report.page.study import study_parts
+
+    judged, quality = assess(finest, device)
+    figures = {key: value for key, value in found.to_dict().items() if key not in ("models", "limits")}
+    figures |= {"backend": device.backend, "device": device.label}
+    known: dict[str, Any] = {"quality": quality, "laws": [calibrated_law(sampling, body)[0]]} | study_parts(found)
+    case = found.models[-1]["load_case"]
+    title = f"{case['title'] or case['name']}: {len(found.models)} meshes, the finest of {describe.kind(judged)}"
+    volume = None if body is None else body.volume
+    page.write(context, clock, title, judged, figures, volume=volume, **known)
 
 
 def _body(

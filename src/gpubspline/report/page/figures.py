@@ -60,10 +60,9 @@ def _rows(name: str, unit: str, value: Any) -> list[tuple[str, str]]:
         return []
     if isinstance(value, dict):
         known = {key: part for key, part in value.items() if part is not None and part != ""}
-        flat = all(not isinstance(part, dict | list) for part in known.values())
-        if flat and known and (unit or all(isinstance(part, int | float) for part in known.values())):
+        if known and all(isinstance(part, int | float) and not isinstance(part, bool) for part in known.values()):
             return [(name, _with_unit(", ".join(f"{_words(k)} {number(v)}" for k, v in known.items()), unit))]
-        return [row for key, part in known.items() for row in _rows(*_nested(name, key, unit), part)]
+        return [row for key, part in known.items() for row in _rows(*_nested(name, key), part)]
     if isinstance(value, list):
         if any(isinstance(part, dict) for part in value):
             return [
@@ -75,9 +74,9 @@ def _rows(name: str, unit: str, value: Any) -> list[tuple[str, str]]:
     return [(name, _told(value, unit))]
 
 
-def _nested(name: str, key: str, unit: str) -> tuple[str, str]:
-    words, own = _unit_of(key)
-    return f"{name}: {words}", own or unit
+def _nested(name: str, key: str) -> tuple[str, str]:
+    words, unit = _unit_of(key)
+    return f"{name}: {words}", unit
 
 
 def _told(value: Any, unit: str) -> str:
