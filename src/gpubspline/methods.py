@@ -198,3 +198,19 @@ def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
             GpubsplineWarning,
             stacklevel=2,
         )
+
+
+def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None) -> None:
+    """Warn of parts of the region that the mesh leaves out, the farthest by name."""
+    if not lost:
+        return
+    worst = max(lost, key=lambda feature: float(feature["out_mm"]))
+    place = ", ".join(f"{x:.1f}" for x in worst["place_mm"])
+    finer = "" if size_mm is None else f"; a --size below {size_mm:.3g} mm follows thinner features"
+    what = "a part of the region is" if len(lost) == 1 else f"{len(lost)} parts of the region are"
+    warnings.warn(
+        f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh at ({place}) mm{finer} "
+        "(--features draws where)",
+        GpubsplineWarning,
+        stacklevel=2,
+    )

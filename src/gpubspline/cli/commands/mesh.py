@@ -43,7 +43,8 @@ def mesh(
     from gpubspline.surface.read import is_surface
 
     files.check([*source, *([method.ct] if method.ct else [])], deck)
-    page.check([*source, *files.paths])
+    method.check([*source, *files.paths])
+    page.check([*source, *files.paths, *method.paths])
     sliced, wanted = region.slice_index is not None, region.source(source, read, spline.axis)
     shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing()
     sampling, device = sampled.sampling(), run.open()
@@ -67,12 +68,13 @@ def mesh(
             meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
             model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
             figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
+        methods.warn_of_lost(figures["lost_features"] or [], figures["size_mm"])
         files.write(model, figures, clock)
+        method.write(body.region, figures, clock)
         known = {"quality": model.counted.quality, "volume": body.volume, "laws": [model.law] if model.law else []}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
-    run.say(
-        [*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote([*files.paths, *page.paths])]
-    )
+    written = [*files.paths, *method.paths, *page.paths]
+    run.say([*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote(written)])
 
 
 def _body(

@@ -1,11 +1,13 @@
 """By which method a body is meshed, and how fine."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
+from gpubspline.files import check_apart, check_writable
 
 
 @dataclass
@@ -26,9 +28,34 @@ class MethodOptions:
         option("Mesh", "element size of butterfly, blocks (default: by the thinnest feature)", metavar="MM"),
     ] = None
     elements: Annotated[int | None, option("Mesh", "number of elements instead, about", metavar="N")] = None
+    features: Annotated[
+        Path | None, option("Output", "picture of thin features and of what the mesh leaves out, .png", metavar="FILE")
+    ] = None
     ct: Annotated[
         Path | None, option("Input", "CT for the material, where the input is a surface", metavar="FILE|DIR")
     ] = None
+
+    def check(self, others: Sequence[Path]) -> None:
+        """Raise InputError where the picture of features could not be written, or would replace another file."""
+        from gpubspline.report.sheet import check_png
+
+        if self.features is not None:
+            check_png(self.features)
+            check_writable(self.features)
+            check_apart([self.features], others)
+
+    @property
+    def paths(self) -> list[Path]:
+        """The picture of features, if it is asked for."""
+        return [self.features] if self.features else []
+
+    def write(self, region: Any, figures: dict[str, Any], clock: Any) -> None:
+        """Write the picture of features, if it is asked for."""
+        if self.features is not None:
+            from gpubspline.report.features import write_features
+
+            with clock.stage("picture"):
+                write_features(region, figures, self.features)
 
     def meshing(self) -> Any:
         """What the pipeline meshes by."""
