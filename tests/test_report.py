@@ -66,6 +66,14 @@ def test_report_of_a_solved_mesh(run: Command, femur: Path, tmp_path: Path) -> N
     assert names == ["von_mises_mpa", "HU", "E_MPa", "displacement_mm", "density_g_cm3", "scaled_jacobian"]
 
 
+def test_report_of_a_mesh_file(run: Command, femur: Path, tmp_path: Path) -> None:
+    assert run("mesh", femur, *FEMUR, "--allow-gaps", "-o", tmp_path / "m.vtu")[0] == 0
+    assert run("quality", tmp_path / "m.vtu", "--report", tmp_path / "q.html")[0] == 0
+    text = (tmp_path / "q.html").read_text(encoding="utf-8")
+    assert "Quality of 832 hex8" in text and "gpubspline quality FILE.vtu --report FILE.html" in text
+    assert run("quality", tmp_path / "m.vtu", "--report", tmp_path / "m.vtu")[0] == 2
+
+
 def test_report_of_a_study(run: Command, femur: Path, tmp_path: Path) -> None:
     given = ["--allow-gaps", "--control", "9,9,14", "--load", "stance", "--nodes-list", "5x5x8 6x6x9 7x7x10"]
     assert run("study", femur, *given, "-o", tmp_path / "study", "--report", tmp_path / "s.html")[0] == 0

@@ -104,6 +104,15 @@ def test_alarms_become_shares_and_masses() -> None:
     ]
 
 
+def test_fields_with_gaps_are_shown_where_they_are_known(box: MakeBox) -> None:
+    mesh = box()
+    hu, nothing = mesh.fields["HU"].copy(), np.full(mesh.n_nodes, np.nan)
+    hu[::3] = np.nan
+    text = text_of(mesh.with_fields({"HU": hu, "von_mises_mpa": nothing}), laws=[law()])
+    assert "NaN" not in text.split('id="data">')[1].split("</script>")[0] and '"von_mises_mpa"' not in text
+    assert '"HU"' in text and "HU of the nodes" in text
+
+
 def test_a_large_ct_is_averaged_and_keeps_its_place(box: MakeBox) -> None:
     shape = (150, 180, 200)
     k, j, i = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in shape), indexing="ij", sparse=True)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from gpubspline.cli.app import app
-from gpubspline.cli.options import RunOptions, flattened
+from gpubspline.cli.options import ReportOptions, RunOptions, flattened
 from gpubspline.files import check_apart, check_writable
 
 SummaryOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")]
@@ -16,7 +16,9 @@ HistogramOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="scal
 @app.command()
 @flattened
 def quality(
+    context: typer.Context,
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="any mesh file meshio reads", show_default=False)],
+    page: ReportOptions,
     run: RunOptions,
     summary: SummaryOutput = None,
     histogram: HistogramOutput = None,
@@ -34,6 +36,7 @@ def quality(
     for path in written:
         check_writable(path)
     check_apart(written, [mesh])
+    page.check([mesh, *written])
     if histogram:
         check_png(histogram)
     device = run.open()
@@ -43,14 +46,16 @@ def quality(
         with clock.stage("quality"):
             found, judged = assess(found, device)
             inside = certify(found, device).certificate if found.element.dimension == 3 else None
+        figures = describe.quality_figures(found, judged, inside)
+        page.write(context, clock, f"Quality of {describe.kind(found)}", found, figures, quality=judged)
     if summary:
-        write_summary(describe.quality_figures(found, judged, inside), summary)
+        write_summary(figures, summary)
     if histogram:
         write_histogram(judged, histogram)
     run.say(
         [
             *describe.quality_lines(found, judged),
             *describe.validity_lines(inside.to_dict() if inside else None),
-            *describe.wrote(written),
+            *describe.wrote([*written, *page.paths]),
         ]
     )

@@ -86,6 +86,7 @@ def distribution(name: str, values: NDArray[Any]) -> str:
     """Draw how a nodal field is distributed, percent of the nodes in equal bins, on the scale of its colour bar."""
     look = quantity(name)
     values = np.asarray(values, dtype=np.float64)
+    values = values[np.isfinite(values)]
     low, high = (float(end) for end in np.percentile(values, [0.0, 99.9]))
     high = high if high > low else low + 1
     logarithmic = look.logarithmic and low > 0 and high > 20 * low
@@ -109,7 +110,7 @@ def law_chart(hu: NDArray[Any], modulus_mpa: NDArray[Any], laws: Sequence[Law]) 
     some_hu, some_mpa = np.asarray(hu)[::step].astype(float), np.asarray(modulus_mpa)[::step].astype(float)
     lines = [_piece_line(law, number) for law in laws for number in range(len(law.pieces))]
     ends = [value for x, y in lines for value in zip(x, y, strict=True)]
-    known = [(x, y) for x, y in zip(some_hu, some_mpa, strict=True) if y > 0]
+    known = [(x, y) for x, y in zip(some_hu, some_mpa, strict=True) if np.isfinite(x) and 0 < y < np.inf]
     all_x, all_y = [x for x, _ in known + ends], [y for _, y in known + ends]
     log_y = max(all_y) > 20 * min(all_y)
     axes = Axes(widened(all_x), widened(all_y, log_y), "HU", "Young's modulus (MPa)", log_y=log_y)

@@ -43,7 +43,7 @@ def nodal_fields(mesh: Mesh) -> dict[str, NDArray[Any]]:
     moved = [known.get(f"displacement_mm_{axis}") for axis in "xyz"]
     if "displacement_mm" not in known and all(part is not None for part in moved):
         known["displacement_mm"] = np.linalg.norm(np.stack([np.asarray(part) for part in moved]), axis=0)
-    return {name: known[name] for name in NODAL if name in known}
+    return {name: known[name] for name in NODAL if name in known and np.isfinite(known[name]).any()}
 
 
 def scene(mesh: Mesh, quality: Quality | None) -> dict[str, Any]:
@@ -123,8 +123,9 @@ def _steps(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint16]:
 def _field(name: str, whole: NDArray[Any], shown: NDArray[Any], where: str) -> dict[str, Any]:
     """Describe one field: how it is quantised, and how its quantity is coloured."""
     look = quantity(name)
-    mapping, _ = look.scale(np.asarray(whole))
-    positive = bool(np.min(whole) > 0)
+    known = np.asarray(whole)[np.isfinite(whole)]  # a mesh of somebody else may have gaps
+    mapping, _ = look.scale(known)
+    positive = bool(known.min() > 0)
     steps, low, high = quantise(shown, logarithmic=look.logarithmic and positive)
     bar = mapping.get_clim()
     colours = [to_hex(colour) for colour in mapping.get_cmap()(np.linspace(0, 1, COLOURS))]

@@ -53,7 +53,7 @@ def page(account: Account) -> str:
         title=escape(account.title),
         style=_file("page.css"),
         script="\n".join(_file(name) for name in SCRIPTS),
-        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
         **_sections(account),
     )
 
