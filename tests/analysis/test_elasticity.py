@@ -272,17 +272,23 @@ def test_agrees_with_calculix(kind, formulation, tmp_path, device64):
 
 
 @pytest.mark.parametrize(("element_type", "formulation"), FORMS)
-def test_multigrid_finds_what_the_nodes_own_blocks_find(element_type, formulation, any_device):
-    """A distorted, graded box of uneven counts and spacing, held by part of a side: 1e-7 of the displacement."""
+def test_multigrid_finds_what_the_nodes_own_blocks_find(element_type, formulation, any_device, monkeypatch):
+    """A distorted, graded box of uneven counts and spacing, held by part of a side: 1e-7 of the displacement.
+
+    By grids, and by aggregates where the numbering says nothing.
+    """
     counts = (8, 11, 14) if element_type == "hex8" else (5, 6, 7)
     mesh = box(element_type, counts, (2.0, 9.0, 4.0), jitter=0.05, modulus=graded)
     fixed = held(mesh, "w0") & (mesh.points[:, :1] < 1.2)
     forces = np.zeros((mesh.n_nodes, 3))
     forces[mesh.node_sets["w1"]] = [1.0, 2.0, -3.0]
     how = {"formulation": formulation, "tolerance": 1e-10, "device": any_device}
-    fast, slow = solve(mesh, fixed, forces, **how), solve(explicit(mesh), fixed, forces, **how)
-    assert np.abs(fast.displacement_mm - slow.displacement_mm).max() < 1e-7 * np.abs(slow.displacement_mm).max()
-    assert fast.iterations < 50 < slow.iterations
+    grids, aggregates = solve(mesh, fixed, forces, **how), solve(explicit(mesh), fixed, forces, **how)
+    monkeypatch.setattr("gpubspline.analysis.elasticity.DIRECT", mesh.n_nodes)
+    slow = solve(mesh, fixed, forces, **how)
+    for fast in (grids, aggregates):
+        assert np.abs(fast.displacement_mm - slow.displacement_mm).max() < 1e-7 * np.abs(slow.displacement_mm).max()
+    assert grids.iterations < 50 < slow.iterations and 2 * aggregates.iterations < slow.iterations
 
 
 def test_iterations_hardly_grow(device):

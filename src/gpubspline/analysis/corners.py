@@ -1,20 +1,23 @@
-"""The preconditioner of structured hex20 and hex27: smoothing, and the multigrid of the hex8 mesh of their corners.
+"""The preconditioner of hex20 and hex27: smoothing, and the multigrid of the hex8 mesh of their corners.
 
 A displacement of the corners goes on linearly along edges, faces and insides, which hex20 and hex27 can follow.
 """
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gpubspline.analysis.krylov import Vectors
-from gpubspline.analysis.multigrid import MARGIN, POWERS, Multigrid, multigrid
-from gpubspline.analysis.stiffness import Stiffness, stiffness
+from gpubspline.analysis.multigrid import MARGIN, POWERS
+from gpubspline.analysis.multilevel import Multilevel, multilevel
+from gpubspline.analysis.stiffness import Stiffness
 from gpubspline.device import Buffer, Device
 from gpubspline.mesh import structure
+from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
 
 SMOOTHINGS = 4
@@ -39,7 +42,7 @@ class Corners:
     k: Stiffness
     free: Buffer
     blocks: Buffer
-    grids: Multigrid
+    grids: Multilevel
     linear: sparse.csr_array
     free_nodes: NDArray[np.float64]
     largest: float = 1.0
@@ -87,17 +90,36 @@ class Corners:
 
 
 def corners(mesh: Mesh, k: Stiffness, held: NDArray[np.bool_], free: Buffer, device: Device) -> Corners:
-    """Make the preconditioner of a structured mesh of order 2; its multigrid works on ``device``."""
-    assert mesh.structure is not None
-    at = structure.corner_nodes(mesh.element, mesh.structure)
+    """Make the preconditioner of a mesh of order 2; the multigrid of a structured one works on ``device``."""
+    at, coarse = _corner_mesh(mesh)
+    grids = multilevel(coarse, held[at], device, k.modulus)
+    linear = _linear_table(mesh, at, coarse) if mesh.structure is None else _linear(mesh)
+    made = Corners(k, free, k.inverse_blocks(free), grids, linear, (~held.T).astype(np.float64))
+    return Corners(k, free, made.blocks, grids, made.linear, made.free_nodes, _largest(made))
+
+
+def _corner_mesh(mesh: Mesh) -> tuple[NDArray[Any], Mesh]:
+    """Numbers of the nodes at corners, and the hex8 mesh of them."""
+    if mesh.structure is None:
+        at, numbers = np.unique(mesh.cells[:, :8], return_inverse=True)
+        shape: dict[str, Any] = {"connectivity": numbers.reshape(-1, 8)}
+    else:
+        at = np.asarray(structure.corner_nodes(mesh.element, mesh.structure))
+        shape = {"structure": mesh.structure}
     names = ("E_MPa", "nu")
     fields = {name: mesh.fields[name][at] for name in names if name in mesh.fields}
     own = {name: mesh.cell_fields[name] for name in names if name in mesh.cell_fields}
-    coarse = Mesh(mesh.points[at], "hex8", structure=mesh.structure, fields=fields, cell_fields=own)
-    counts = (mesh.structure[0], mesh.structure[1], mesh.structure[2])
-    grids = multigrid(stiffness(coarse, device, k.modulus), counts, coarse.points, held[at])
-    made = Corners(k, free, k.inverse_blocks(free), grids, _linear(mesh), (~held.T).astype(np.float64))
-    return Corners(k, free, made.blocks, grids, made.linear, made.free_nodes, _largest(made))
+    return at, Mesh(mesh.points[at], "hex8", fields=fields, cell_fields=own, **shape)
+
+
+def _linear_table(mesh: Mesh, at: NDArray[Any], coarse: Mesh) -> sparse.csr_array:
+    """Each node's shares of the corners of the first element that has it."""
+    nodes, where = np.unique(mesh.cells, return_index=True)
+    elements, vertices = np.divmod(where, mesh.element.n_nodes)
+    shares = ELEMENTS["hex8"].shape(np.array(mesh.element.vertices) / 2)[vertices]
+    rows = np.repeat(nodes, 8)
+    table = (shares.ravel(), (rows, coarse.cells[elements].ravel()))
+    return sparse.csr_array(table, shape=(mesh.n_nodes, len(at)))
 
 
 def _linear(mesh: Mesh) -> sparse.csr_array:

@@ -14,8 +14,9 @@ from scipy import sparse
 
 from gpubspline.analysis.corners import corners
 from gpubspline.analysis.krylov import Operator, Progress, Vectors, conjugate_gradients
-from gpubspline.analysis.multigrid import DIRECT, multigrid
-from gpubspline.analysis.stiffness import FORMULATIONS, Stiffness, stiffness
+from gpubspline.analysis.multigrid import DIRECT
+from gpubspline.analysis.multilevel import multilevel
+from gpubspline.analysis.stiffness import Stiffness, stiffness
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh.mesh import Mesh
@@ -110,8 +111,8 @@ def solve(
 
 
 def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device: Device) -> Operator:
-    """Multigrid in the device's own precision for structured meshes, else the nodes' own blocks."""
-    if mesh.structure is None or mesh.n_nodes <= DIRECT:
+    """Multigrid, of grids where the mesh is structured, else of aggregates; the nodes' own blocks of a small mesh."""
+    if mesh.n_nodes <= DIRECT:
         blocks = k.inverse_blocks(free)
 
         def multiply(r: Buffer, out: Buffer) -> None:
@@ -120,9 +121,7 @@ def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device:
         return multiply
     if mesh.element.order == 2:
         return corners(mesh, k, held, free, device).apply
-    counts = (mesh.structure[0], mesh.structure[1], mesh.structure[2])
-    like = k if device is k.device else stiffness(mesh, device, k.modulus, FORMULATIONS[k.formulation])
-    grids = multigrid(like, counts, mesh.points, held)
+    grids = multilevel(mesh, held, device, k.modulus, k)
 
     def cycle(r: Buffer, out: Buffer) -> None:
         correction = grids.cycle(np.reshape(k.device.get(r), (3, -1))).astype(np.float64)

@@ -1,0 +1,128 @@
+"""Multigrid for hexes of any topology: aggregates of nodes that move as rigid bodies, smoothed.
+
+The stiffness is assembled in float32, a 3 x 3 block for each pair of nodes of an element. Nodes gather in aggregates;
+the six rigid motions of each, smoothed by a step of Jacobi's iteration, span the coarse space. PyAMG does this and
+cycles on the host; it only steers the conjugate gradients, which work in float64 and see the elements as they are.
+Incompatible modes and mean dilatation, which make an element softer, are left out.
+
+Source: Vanek, Mandel and Brezina 1996, "Algebraic multigrid by smoothed aggregation".
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gpubspline.analysis.moduli import lame_moduli
+from gpubspline.mesh.mesh import Mesh
+
+STRENGTH = 0.05
+"""Neighbours that are coupled more weakly than this, against their own blocks, are not gathered."""
+DIRECT = 300
+"""Unknowns that are solved directly."""
+SMOOTHER = ("block_gauss_seidel", {"sweep": "symmetric"})
+_CHUNK = 1 << 15
+"""Elements assembled at a time, which bounds the memory."""
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregation:
+    """A hierarchy of PyAMG's.
+
+    Attributes
+    ----------
+    hierarchy: ``pyamg.multilevel.MultilevelSolver``.
+    free: (n, 3) which directions are.
+    """
+
+    hierarchy: Any
+    free: Flags
+
+    def cycle(self, r: NDArray[Any]) -> NDArray[Any]:
+        """Apply one V-cycle to a residual (3, n); gives the correction (3, n)."""
+        values = np.asarray(r).T * self.free
+        size = float(np.linalg.norm(values)) or 1.0
+        flat = np.ascontiguousarray(values / size, dtype=np.float32).ravel()
+        found = np.asarray(self.hierarchy.aspreconditioner(cycle="V") @ flat, dtype=np.float64)
+        return np.ascontiguousarray((size * found.reshape(-1, 3)).T)
+
+
+def aggregation(mesh: Mesh, held: Flags, modulus: str) -> Aggregation:
+    """Make the hierarchy of a mesh of hexes.
+
+    Arguments
+    ---------
+    held: (n, 3) which directions are; modulus: see ``stiffness``.
+    """
+    import pyamg
+
+    matrix = assemble(mesh, held, modulus)
+    hierarchy = pyamg.smoothed_aggregation_solver(
+        matrix,
+        B=_rigid_motions(mesh, held),
+        strength=("symmetric", {"theta": STRENGTH}),
+        smooth=("jacobi", {"omega": 4 / 3, "weighting": "local"}),  # the spectral radius would be of random numbers
+        improve_candidates=None,
+        presmoother=SMOOTHER,
+        postsmoother=SMOOTHER,
+        max_coarse=DIRECT,
+    )
+    return Aggregation(hierarchy, ~held)
+
+
+def assemble(mesh: Mesh, held: Flags, modulus: str) -> sparse.bsr_array:
+    """Stiffness (3 n, 3 n), float32, by nodes; 1 where a direction is held."""
+    n = mesh.n_nodes
+    entries: list[list[Any]] = [[None] * 3 for _ in range(3)]
+    for first in range(0, mesh.n_elements, _CHUNK):
+        elements = np.arange(first, min(first + _CHUNK, mesh.n_elements))
+        cells = mesh.cells_of(elements)
+        blocks = _element_blocks(mesh, elements, cells, modulus)
+        k = cells.shape[1]
+        rows, columns = np.repeat(cells, k, axis=1).ravel(), np.tile(cells, k).ravel()
+        for c in range(3):
+            for d in range(3):
+                part = sparse.coo_array((blocks[..., c, d].ravel(), (rows, columns)), shape=(n, n)).tocsr()
+                entries[c][d] = part if first == 0 else entries[c][d] + part
+    pattern = entries[0][0]
+    data = np.stack([np.stack([entry.data for entry in row], axis=-1) for row in entries], axis=-2)
+    rows = np.repeat(np.arange(n), np.diff(pattern.indptr))
+    free = ~held
+    data *= free[rows][:, :, None] & free[pattern.indices][:, None, :]
+    matrix = sparse.bsr_matrix((data, pattern.indices, pattern.indptr), shape=(3 * n, 3 * n))
+    kept = sparse.bsr_matrix(sparse.diags(held.ravel().astype(np.float32)), blocksize=(3, 3))
+    return sparse.bsr_matrix(matrix + kept)
+
+
+def _element_blocks(mesh: Mesh, elements: NDArray[Any], cells: NDArray[np.int32], modulus: str) -> NDArray[np.float32]:
+    """Stiffness (m, k, k, 3, 3) of elements (m,) of nodes ``cells`` (m, k), vertex by vertex."""
+    element = mesh.element
+    at, weights = element.gauss()
+    slopes = element.gradient(at)
+    tangents = np.einsum("dga,mac->mgdc", slopes, mesh.points[cells].astype(np.float64), optimize=True)
+    gradient = np.einsum("mgcd,dga->mgac", np.linalg.inv(tangents), slopes, optimize=True)
+    volume = np.abs(np.linalg.det(tangents)) * weights
+    lam, mu = (values.T * volume for values in lame_moduli(mesh, cells, element.shape(at), modulus, elements))
+    out = np.zeros((len(cells), cells.shape[1], cells.shape[1], 3, 3), dtype=np.float32)
+    for g in range(len(weights)):
+        b = gradient[:, g].astype(np.float32)
+        pair = np.einsum("mac,mbd->mabcd", b, b, optimize=True)
+        one, two = (values[:, g, None, None, None, None].astype(np.float32) for values in (lam, mu))
+        out += one * pair + two * pair.swapaxes(3, 4)
+        out += two * np.trace(pair, axis1=3, axis2=4)[..., None, None] * np.eye(3, dtype=np.float32)
+    return out
+
+
+def _rigid_motions(mesh: Mesh, held: Flags) -> NDArray[np.float32]:
+    """Six motions (3 n, 6), 0 where a direction is held."""
+    at = mesh.points.astype(np.float64)
+    x, y, z = ((at - at.mean(axis=0)) / max(float(np.ptp(at, axis=0).max()), 1e-300)).T
+    none, one = np.zeros(len(x)), np.ones(len(x))
+    motions = [[one, none, none, none, z, -y], [none, one, none, -z, none, x], [none, none, one, y, -x, none]]
+    moved = np.array(motions).transpose(2, 0, 1) * ~held[..., None]
+    return np.ascontiguousarray(moved.reshape(-1, 6), dtype=np.float32)
