@@ -1,6 +1,7 @@
 """What the command line says of a convergence study: a table, limits and orders, and what the stress is."""
 
 import textwrap
+from typing import Any
 
 from gpubspline.analysis.convergence import QUANTITIES, Convergence
 from gpubspline.analysis.richardson import Extrapolation
@@ -51,3 +52,22 @@ def _limit(name: str, found: Convergence) -> str:
     off = found.models[-1][name] / limit.limit - 1 if limit.limit else 0.0
     unit = _UNITS.get(name, "N mm")
     return f"limit {limit.limit:.4g} {unit}, order {limit.order:.2f}; the finest mesh is off it by {100 * off:+.2f} %"
+
+
+def reproduced_lines(numbers: dict[str, Any]) -> list[str]:
+    """Give what the paper judges its meshes by, beside what they are here, and the study's last steps."""
+    models = {m["name"]: m for part in numbers["figures"].values() for m in part.get("models", ())}
+    lines = []
+    for model in models.values():
+        paper = model["paper"]["percent_above_0.5"]
+        words = f"{model['elements']:,} elements, {model['percent_above_0.5']:.1f} % above 0.5"
+        words += f" (paper {paper} %)" if paper else ""
+        lines.append(f"{model['title']:26} {words}, {model['inverted']} inverted")
+    study = numbers["figures"].get("fig13", {}).get("study")
+    if study:
+        lines.append(
+            f"{'study, Fig. 13':26} {len(study['models'])} models to {study['reference_elements']:,} elements, last "
+            f"step {100 * study['last_change_of_max_von_mises']:.2f} % (paper 0.5 %), monotone from "
+            f"{study['max_von_mises_monotone_from_elements']:,} on"
+        )
+    return lines

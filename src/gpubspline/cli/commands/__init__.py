@@ -15,4 +15,5 @@ from gpubspline.cli.commands import phantom as phantom
 from gpubspline.cli.commands import laws as laws
 from gpubspline.cli.commands import backends as backends
 from gpubspline.cli.commands import demo as demo
+from gpubspline.cli.commands import reproduce as reproduce
 from gpubspline.cli.commands import bench as bench
