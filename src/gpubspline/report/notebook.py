@@ -24,6 +24,9 @@ from gpubspline.report.sheet import check_png, png
 DRAWN_ELEMENTS = 400_000
 """A mesh of more is told of, but not drawn unasked."""
 
+SAMPLED_VOXELS = 1_000_000
+"""So many of them tell the grey window of a volume."""
+
 SLICE_PIXELS = 200
 """Longest side of a slice in a notebook."""
 
@@ -73,20 +76,21 @@ def quality_html(quality: Quality) -> str:
 
 def volume_html(volume: Volume) -> str:
     """Three slices through the middle, as radiology has them, and the volume's size."""
-    low, high = np.percentile(volume.hu, [0.5, 99.8])
-    high = high if high > low else low + 1
-    grey = np.clip((volume.hu - low) * (255 / (high - low)), 0, 255).astype(np.uint8)
-    shown = "".join(_slice(grey, view, volume.spacing_mm) for view in views(volume.affine))
+    step = max(volume.hu.size // SAMPLED_VOXELS, 1)
+    low, high = np.percentile(volume.hu.ravel()[::step], [0.5, 99.8])
+    window = (float(low), float(high if high > low else low + 1))
+    shown = "".join(_slice(volume.hu, view, volume.spacing_mm, window) for view in views(volume.affine))
     size = " x ".join(map(str, volume.shape)) + " of " + " x ".join(f"{mm:.4g}" for mm in volume.spacing_mm) + " mm"
     rows = [("source", volume.source), ("voxels", size), ("HU", f"{volume.hu.min():g} to {volume.hu.max():g}")]
     return f'<div style="display: flex; gap: 8px; align-items: flex-end">{shown}</div>' + _table(rows)
 
 
-def _slice(grey: NDArray[np.uint8], view: dict[str, Any], spacing_mm: NDArray[np.float64]) -> str:
+def _slice(hu: NDArray[Any], view: dict[str, Any], spacing_mm: NDArray[np.float64], window: tuple[float, float]) -> str:
     """One slice of a block (k, j, i), turned to the picture and as large as it is in the patient."""
     across, right, up = view["across"], view["right"], view["up"]
-    picture = np.moveaxis(grey, (2 - across, 2 - up, 2 - right), (0, 1, 2))[grey.shape[2 - across] // 2]
-    picture = picture[:: -1 if view["flipUp"] else 1, :: -1 if view["flipRight"] else 1]
+    turned = np.moveaxis(hu, (2 - across, 2 - up, 2 - right), (0, 1, 2))[hu.shape[2 - across] // 2]
+    turned = turned[:: -1 if view["flipUp"] else 1, :: -1 if view["flipRight"] else 1].astype(np.float32)
+    picture = np.clip((turned - window[0]) * (255 / (window[1] - window[0])), 0, 255).astype(np.uint8)
     size = np.array([picture.shape[1] * spacing_mm[right], picture.shape[0] * spacing_mm[up]])
     wide, high = np.maximum(np.round(SLICE_PIXELS * size / size.max()), 1).astype(int)
     file = BytesIO()

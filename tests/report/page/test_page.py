@@ -13,6 +13,7 @@ from gpubspline.material.registry import law
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import summarise
 from gpubspline.report.page import Account, Setting, Table, write_report
+from gpubspline.report.page import slices as page_slices
 from gpubspline.report.page.figures import figure_rows, number
 from gpubspline.report.page.sections import warning_lines
 from gpubspline.report.page.slices import slices
@@ -113,7 +114,8 @@ def test_fields_with_gaps_are_shown_where_they_are_known(box: MakeBox) -> None:
     assert '"HU"' in text and "HU of the nodes" in text
 
 
-def test_a_large_ct_is_averaged_and_keeps_its_place(box: MakeBox) -> None:
+def test_a_large_ct_is_averaged_and_keeps_its_place(box: MakeBox, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_slices, "VOXELS", 3_000_000)
     shape = (150, 180, 200)
     k, j, i = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in shape), indexing="ij", sparse=True)
     affine = np.diag([0.06, 0.06, 0.08, 1.0])

@@ -10,7 +10,7 @@ from gpubspline.ct.volume import Volume
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.report.page.pack import pack
 
-VOXELS = 3_000_000
+VOXELS = 8_000_000
 """Most voxels that a page holds; a larger block is averaged."""
 
 MARGIN = 0.08
@@ -56,18 +56,17 @@ def _cropped(volume: Volume, mesh: Mesh) -> tuple[NDArray[Any], NDArray[np.float
 
 def _averaged(hu: NDArray[Any], affine: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Average blocks of voxels, finest spacing first, until the page can hold them."""
-    block: NDArray[np.float32] = hu.astype(np.float32)
-    affine = affine.copy()
+    block, affine = hu, affine.copy()
     while block.size > VOXELS:
         spacing = np.linalg.norm(affine[:3, :3], axis=0)
         axis = int(np.argmin(np.where(np.array(block.shape[::-1]) > 1, spacing, np.inf)))
         array_axis = 2 - axis
         n = block.shape[array_axis] // 2 * 2
         even = np.moveaxis(block, array_axis, 0)[:n]
-        block = np.moveaxis((even[0::2] + even[1::2]) * np.float32(0.5), 0, array_axis)
+        block = np.moveaxis(np.add(even[0::2], even[1::2], dtype=np.float32) * np.float32(0.5), 0, array_axis)
         affine[:3, 3] += affine[:3, axis] / 2
         affine[:3, axis] *= 2
-    return np.ascontiguousarray(block), affine
+    return np.ascontiguousarray(block, dtype=np.float32), affine
 
 
 def views(affine: NDArray[np.float64]) -> list[dict[str, Any]]:
