@@ -22,20 +22,21 @@ except ImportError:  # Python 3.10
 ROOT = Path(__file__).resolve().parents[1]
 PYTHONS = ("3.10", "3.12", "3.13")
 EXTRAS = ("view", "hdf", "cohort")
+GLIBC = ("2014", "_2_17", "_2_27", "_2_28")
 PLATFORMS = {
-    "Linux x86-64": ("linux", [f"manylinux{v}_x86_64" for v in ("2014", "_2_17", "_2_27", "_2_28")]),
-    "Linux ARM": ("linux", [f"manylinux{v}_aarch64" for v in ("2014", "_2_17", "_2_27", "_2_28")]),
-    "macOS ARM": ("darwin", ["macosx_14_0_arm64"]),
-    "macOS Intel": ("darwin", ["macosx_14_0_x86_64"]),
-    "Windows x86-64": ("win32", ["win_amd64"]),
+    "Linux x86-64": ("linux", "x86_64", [f"manylinux{v}_x86_64" for v in GLIBC]),
+    "Linux ARM": ("linux", "aarch64", [f"manylinux{v}_aarch64" for v in (*GLIBC, "_2_34", "_2_35")]),
+    "macOS ARM": ("darwin", "arm64", ["macosx_14_0_arm64"]),
+    "macOS Intel": ("darwin", "x86_64", ["macosx_14_0_x86_64"]),
+    "Windows x86-64": ("win32", "AMD64", ["win_amd64"]),
 }
 
 
-def requirements(sys_platform: str, python: str, extra: str | None) -> list[str]:
+def requirements(sys_platform: str, machine: str, python: str, extra: str | None) -> list[str]:
     """Give the requirements of the package, or of one of its extras, on a platform."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     given = project["dependencies"] if extra is None else project["optional-dependencies"][extra]
-    known = {"sys_platform": sys_platform, "python_version": python}
+    known = {"sys_platform": sys_platform, "platform_machine": machine, "python_version": python}
     needed = [r for r in map(Requirement, given) if r.marker is None or r.marker.evaluate(known)]
     return [f"{r.name}{'[' + ','.join(r.extras) + ']' if r.extras else ''}{r.specifier}" for r in needed]
 
@@ -55,12 +56,14 @@ def missing(tags: list[str], python: str, needed: list[str]) -> str:
 
 
 def main() -> None:
-    """Print a row a platform."""
+    """Print a row a platform, or those whose names are given."""
     print(f"| | {' | '.join('Python ' + python for python in PYTHONS)} | extras, Python {PYTHONS[1]} |")
     print("|---" * (len(PYTHONS) + 2) + "|")
-    for name, (sys_platform, tags) in PLATFORMS.items():
-        cells = [missing(tags, python, requirements(sys_platform, python, None)) for python in PYTHONS]
-        found = {e: missing(tags, PYTHONS[1], requirements(sys_platform, PYTHONS[1], e)) for e in EXTRAS}
+    for name, (*system, tags) in PLATFORMS.items():
+        if sys.argv[1:] and name not in sys.argv[1:]:
+            continue
+        cells = [missing(tags, python, requirements(*system, python, None)) for python in PYTHONS]
+        found = {e: missing(tags, PYTHONS[1], requirements(*system, PYTHONS[1], e)) for e in EXTRAS}
         cells.append(", ".join(e if not said.startswith("no") else f"{e}: {said}" for e, said in found.items()))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 

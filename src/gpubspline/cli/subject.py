@@ -28,7 +28,7 @@ def columns() -> dict[str, str]:
         name, panel = _name(option), getattr(option, "rich_help_panel", None)
         if panel in _OURS or name in ("summary", "help"):
             continue
-        is_file = option.metavar == "FILE"
+        is_file = str(option.metavar).startswith("FILE")
         kind = "flag" if getattr(option, "is_flag", False) else "text"
         found[name] = ("new file" if panel == "Output" else "file") if is_file else kind
     return found
