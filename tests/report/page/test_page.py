@@ -73,7 +73,8 @@ def test_figures_become_words_with_units() -> None:
     figures = {
         "volume_mm3": {"mesh": 8.0, "region": None},
         "mass_g": 12.3456,
-        "euler_number": {"region": 0, "mesh": 2},
+        "euler": {"region": 0, "mesh": 2},
+        "off_surface_nodes": {"count": 425, "max_mm": 7.876},
         "reaction_n": [1.0, -2.5, 0.0],
         "threshold_hu": None,
         "load_case": {"name": "stance", "title": ""},
@@ -83,7 +84,8 @@ def test_figures_become_words_with_units() -> None:
     assert figure_rows(figures) == [
         ("volume", "mesh 8 mm³"),
         ("mass", "12.35 g"),
-        ("euler number", "region 0, mesh 2"),
+        ("Euler number", "region 0, mesh 2"),
+        ("off surface nodes", "count 425, max 7.876 mm"),
         ("reaction", "(1, -2.5, 0) N"),
         ("load case: name", "stance"),
         ("parts 1", "part head; force (0, 0, -10) N"),
@@ -91,6 +93,18 @@ def test_figures_become_words_with_units() -> None:
     assert [number(v) for v in (1234567, 0.00012, 0.25, 1234.56, 20000.0, True, None, "a")] == [
         *("1,234,567", "1.200e-04", "0.25", "1,235", "20,000", "yes", "-", "a"),
     ]
+
+
+def test_parts_left_out_and_where_loads_act_have_tables(box: MakeBox) -> None:
+    acting = {"region": "head", "kind": "force", "force_n": [1.0, 1e-9, -2.0], "area_mm2": 3.25, "nodes": 7}
+    figures = {
+        "lost_features": [{"place_mm": [1.0, 2.0, 3.5], "out_mm": 11.64}],
+        "load_case": {"name": "stance", "source": "section 3.6"},
+        "regions": [acting | {"centre_mm": [0.0, 0.0, 9.0]}],
+    }
+    text = text_of(box(), figures=figures)
+    assert "<td>(1, 2, 3.5)</td><td>11.64</td>" in text and "Parts of the region left out" in text
+    assert "<td>(1, 0, -2)</td><td>3.25</td><td>7</td><td>(0, 0, 9)</td>" in text and "section 3.6" in text
 
 
 def test_alarms_become_shares_and_masses() -> None:

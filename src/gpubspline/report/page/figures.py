@@ -20,7 +20,17 @@ UNITS = {
 }
 """Endings of keys and the units that they are."""
 
-ELSEWHERE = ("scaled_jacobian", "law", "seconds", "nodes", "elements", "element_type", "regions", "alarms")
+ELSEWHERE = (
+    "scaled_jacobian",
+    "law",
+    "seconds",
+    "nodes",
+    "elements",
+    "element_type",
+    "regions",
+    "alarms",
+    "lost_features",
+)
 """Keys that have a section of their own."""
 
 
@@ -61,7 +71,8 @@ def _rows(name: str, unit: str, value: Any) -> list[tuple[str, str]]:
     if isinstance(value, dict):
         known = {key: part for key, part in value.items() if part is not None and part != ""}
         if known and all(isinstance(part, int | float) and not isinstance(part, bool) for part in known.values()):
-            return [(name, _with_unit(", ".join(f"{_words(k)} {number(v)}" for k, v in known.items()), unit))]
+            parts = [(*_unit_of(key), number(part)) for key, part in known.items()]
+            return [(name, _with_unit(", ".join(_with_unit(f"{w} {v}", u) for w, u, v in parts), unit))]
         return [row for key, part in known.items() for row in _rows(*_nested(name, key), part)]
     if isinstance(value, list):
         if any(isinstance(part, dict) for part in value):
@@ -109,7 +120,12 @@ def _unit_of(key: str) -> tuple[str, str]:
 
 def _words(key: str) -> str:
     words = key.replace("_", " ")
-    return {"hu": "HU", "modulus": "Young's modulus", "jacobian determinant": "Jacobian determinant"}.get(words, words)
+    return {
+        "hu": "HU",
+        "modulus": "Young's modulus",
+        "jacobian determinant": "Jacobian determinant",
+        "euler": "Euler number",
+    }.get(words, words)
 
 
 def number(value: Any) -> str:

@@ -133,10 +133,13 @@ def worst_section(account: Account) -> str:
 
 
 def own_tables(account: Account) -> str:
-    """Tables of the command's own, and of where a load case acts."""
-    acting = account.figures.get("regions")
-    loads = [_load_table(acting, account.figures.get("load_case") or {})] if acting else []
-    return "".join(_own_table(table) for table in [*account.tables, *loads])
+    """Tables of the command's own, of where a load case acts, and of what of the region the mesh leaves out."""
+    acting, lost = account.figures.get("regions"), account.figures.get("lost_features")
+    made = [_load_table(acting, account.figures.get("load_case") or {})] if acting else []
+    if lost:
+        rows = [(vector(part["place_mm"]), part["out_mm"]) for part in lost]
+        made.append(Table("Parts of the region left out", ("at x, y, z (mm)", "outside the mesh by (mm)"), rows))
+    return "".join(_own_table(table) for table in [*account.tables, *made])
 
 
 def _load_table(acting: Sequence[dict[str, Any]], case: dict[str, Any]) -> Table:
