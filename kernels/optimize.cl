@@ -170,8 +170,9 @@ __kernel void node_gradient(__global const real *values, int m, __global const i
     out[third + i] = kept * gz - moves * off * nz;
 }
 
-// out = x + a d, no node farther than `cap`.
-__kernel void move(__global const real *x, __global const real *d, int n, real a, real cap, __global real *out)
+// out = x + a d, no node farther than `cap` times its `size` (n).
+__kernel void move(__global const real *x, __global const real *d, int n, real a, real cap, __global const real *size,
+                   __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
@@ -179,7 +180,7 @@ __kernel void move(__global const real *x, __global const real *d, int n, real a
     size_t second = (size_t)n + i, third = 2 * (size_t)n + i;
     real dx = a * d[i], dy = a * d[second], dz = a * d[third];
     real length = sqrt(dx * dx + dy * dy + dz * dz);
-    real share = length > cap ? cap / length : 1;
+    real most = cap * size[i], share = length > most ? most / length : 1;
     out[i] = x[i] + share * dx;
     out[second] = x[second] + share * dy;
     out[third] = x[third] + share * dz;
@@ -327,11 +328,11 @@ inline real least_round(__global const real *x, int n, __global const int *nodes
 }
 
 // Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
-// corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` halved `halvings` times
-// where none helps.
+// corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` times the node's `size`
+// halved `halvings` times where none helps.
 __kernel void improve(__global real *x, int n, __global const int *nodes, int m, __global const int *start,
                       __global const int *slots, __global const real *slack, __global const int *levels,
-                      __global const int *moved, int begin, int count, real floor, real step, int halvings, int tries,
+                      __global const int *moved, int begin, int count, real floor, real step, __global const real *size, int halvings, int tries,
                       __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index)
 {
     int item = get_global_id(0);
@@ -342,6 +343,7 @@ __kernel void improve(__global real *x, int n, __global const int *nodes, int m,
     if (loose < 0)
         return;
     int first = start[i], last = start[i + 1];
+    step *= size[i];
     point p = at_node(x, n, i);
     real least = least_round(x, n, nodes, m, slots, first, last, p);
     for (int turn = 0, halved = 0; turn < tries && halved <= halvings && least < floor; turn++) {

@@ -260,14 +260,16 @@ def move(
     n: wp.int32,
     a: Any,
     cap: Any,
+    size: wp.array(dtype=Any),
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """X + a d, no node farther than ``cap``."""
+    """X + a d, no node farther than ``cap`` times its ``size`` (n)."""
     i = wp.tid() + first
     step = a * at_node(d, n, i)
     length = wp.sqrt(wp.dot(step, step))
-    step = wp.where(length > cap, cap / length, type(cap)(1.0)) * step
+    most = cap * size[i]
+    step = wp.where(length > most, most / length, type(cap)(1.0)) * step
     out[i] = x[i] + step[0]
     out[n + i] = x[n + i] + step[1]
     out[2 * n + i] = x[2 * n + i] + step[2]
@@ -487,6 +489,7 @@ def improve(
     count: wp.int32,
     floor: Any,
     step: Any,
+    size: wp.array(dtype=Any),
     halvings: wp.int32,
     tries: wp.int32,
     volume: wp.array(dtype=Any),
@@ -498,8 +501,8 @@ def improve(
 ):
     """Raise the least scaled Jacobian round each of the nodes ``moved`` (count), no two of which share an element.
 
-    To ``floor`` if it can: the best of 14 directions, again from there, ``step`` halved ``halvings`` times where none
-    helps.
+    To ``floor`` if it can: the best of 14 directions, again from there, ``step`` times the node's ``size`` halved
+    ``halvings`` times where none helps.
     """
     i = moved[begin + wp.tid() + first]
     loose = slack[i]
@@ -507,7 +510,7 @@ def improve(
         return
     p = at_node(x, n, i)
     least = least_round(x, n, nodes, m, slots, start[i], start[i + 1], p)
-    length = x.dtype(1.0) * step
+    length = size[i] * step
     halved = wp.int32(0)
     for _turn in range(tries):
         if halved <= halvings and least < floor:

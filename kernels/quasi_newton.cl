@@ -3,12 +3,16 @@
 
 #define RUN 64 // elements that a part takes together
 
-// The row `row` of the basis becomes x - y.
+// The row `row` of the basis becomes x - y, times `scale` (n) or, where `inverse` is 1, over it.
 __kernel __attribute__((vec_type_hint(realv)))
-void set_difference(__global const real *x, __global const real *y, int n, int row, __global real *basis)
+void set_difference(__global const real *x, __global const real *y, __global const real *scale, int inverse, int n, int row,
+                    __global real *basis)
 {
     basis += (size_t)row * n;
-    FOR_LANES(i, n) store(load(x, i) - load(y, i), basis, i, n - i);
+    FOR_LANES(i, n) {
+        realv change = load(x, i) - load(y, i), s = load(scale, i);
+        store(inverse ? change / s : change * s, basis, i, n - i);
+    }
 }
 
 // Sums (rows, parts) of every row times the row `by` over every parts-th run of elements: the same in any order of work.
@@ -34,14 +38,15 @@ __kernel void row_products(__global const real *basis, int rows, int by, int n, 
     out[(size_t)row * parts + part] = sum;
 }
 
-// out = the rows times their coefficients.
+// out = `scale` (n) times the rows times their coefficients.
 __kernel __attribute__((vec_type_hint(realv)))
-void combine_rows(__global const real *basis, __global const real *coefficients, int rows, int n, __global real *out)
+void combine_rows(__global const real *basis, __global const real *coefficients, int rows, __global const real *scale,
+                  int n, __global real *out)
 {
     FOR_LANES(i, n) {
         realv sum = 0;
         for (int row = 0; row < rows; row++)
             sum += coefficients[row] * load(basis, (size_t)row * n + i);
-        store(sum, out, i, n - i);
+        store(load(scale, i) * sum, out, i, n - i);
     }
 }

@@ -11,7 +11,7 @@ from gpubspline.mesh.movable import FREE, Goal, Movable
 from gpubspline.mesh.quasi_newton import descend
 
 CAP = 0.3
-"""Farthest a node goes in one step, in target lengths."""
+"""Farthest a node goes in one step, in sizes of its smallest element."""
 
 EDGES = 0.005
 """Weight of even edges while all hexes are improved."""
@@ -32,10 +32,13 @@ SWEEPS = 4
 """Most rounds of moves of single nodes at a floor."""
 
 REACH, HALVINGS, TRIES = 0.1, 4, 8
-"""First step of a single node, in target lengths, how often it is halved, and most steps it takes."""
+"""First step of a single node, in sizes of its smallest element, how often it is halved, and most steps it takes."""
 
 TANGLED, LOOSE = 0.3, (0.5, 1.0)
 """Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths."""
+
+AGAIN = 3
+"""Most times that the first descent goes on where hexes are left below that."""
 
 POOR, SLACK = 0.6, (0.1, 0.2, 0.3)
 """The same for hexes that no floor below this was reached for."""
@@ -82,6 +85,10 @@ def improve(
     """
     effort = effort or Effort()
     best = relaxed(hexes, x, slack, effort)
+    for _ in range(AGAIN):
+        if best.least >= TANGLED:
+            break
+        best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
     for loose in LOOSE if effort.loosen else ():
         if best.least >= TANGLED:
             break
@@ -141,7 +148,7 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     moved, device = hexes.device.put(nodes), hexes.device
     table = (hexes.nodes, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
     for first, count in zip(np.cumsum(counts) - counts, counts, strict=True):
-        how = (int(first), int(count), float(floor), REACH, HALVINGS, TRIES, *hexes.level.arguments)
+        how = (int(first), int(count), float(floor), REACH, hexes.scale, HALVINGS, TRIES, *hexes.level.arguments)
         device.launch("optimize.improve", int(count), x, hexes.n_nodes, *table, *how)
     return len(nodes)
 
@@ -164,7 +171,7 @@ def placed(hexes: Movable, x: Buffer, slack: NDArray[Any]) -> Placed:
 def copy(hexes: Movable, x: Buffer) -> Buffer:
     """The same nodes in another buffer."""
     out = hexes.device.empty(3 * hexes.n_nodes)
-    hexes.device.launch("optimize.move", hexes.n_nodes, x, x, hexes.n_nodes, 0.0, 1.0, out)
+    hexes.device.launch("optimize.move", hexes.n_nodes, x, x, hexes.n_nodes, 0.0, 1.0, hexes.scale, out)
     return out
 
 

@@ -73,6 +73,7 @@ class Movable:
     nodes: (8, m) the same by vertex.
     log_lengths: (3, m) logarithm of the squared target length of the edges along u, v, w.
     start, slots: (n + 1,), (8 m,) where the elements of each node are.
+    scale: (3, n) size of the smallest element of each node, for each of its coordinates.
     slack: (n,) how far a node may be from the zero level; ``FREE`` or ``FIXED``.
     level: what boundary nodes slide on.
     levels: (2, n) which of its distances, and a second one for nodes on the curve where two meet, else -1.
@@ -85,6 +86,7 @@ class Movable:
     log_lengths: Buffer
     start: Buffer
     slots: Buffer
+    scale: Buffer
     slack: Buffer
     level: Level
     levels: Buffer
@@ -165,6 +167,7 @@ def movable(
         log_lengths=device.put(lengths),
         start=device.put(start),
         slots=device.put(slots),
+        scale=device.put(np.tile(node_sizes(lengths, start, slots), 3)),
         slack=device.put(slack.astype(np.float64)),
         level=level,
         levels=device.put(one_level(n_nodes) if levels is None else levels),
@@ -178,6 +181,15 @@ def movable(
 def one_level(n_nodes: int) -> NDArray[np.int32]:
     """(2, n) of nodes that the first distance alone holds."""
     return np.stack([np.zeros(n_nodes, dtype=np.int32), np.full(n_nodes, -1, dtype=np.int32)])
+
+
+def node_sizes(log_lengths: NDArray[Any], start: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[Any]:
+    """Least target length (n,) of the edges of each node's elements; 1 for a node of none."""
+    shortest = np.exp(0.5 * np.reshape(log_lengths, (3, -1)).min(axis=0))
+    used = np.flatnonzero(np.diff(start))
+    sizes = np.ones(len(start) - 1)
+    sizes[used] = np.minimum.reduceat(shortest[slots % len(shortest)], start[used])
+    return sizes
 
 
 def node_slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -24,18 +24,21 @@ HALVINGS = 6
 class Memory:
     """The last steps, changes of the gradient and the gradient: rows of a basis on the device, with their products.
 
-    Rows 0 to MEMORY - 1 are steps, the next MEMORY changes, the last is the gradient.
+    Rows 0 to MEMORY - 1 are steps, the next MEMORY changes, the last is the gradient. All are of coordinates in units
+    of each node's size, so that one step length suits small and large elements.
     """
 
     device: Device
     n: int
     basis: Buffer
+    scale: Buffer
     products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2 * MEMORY + 1,) * 2))
     pairs: list[int] = field(default_factory=list)
 
     def set_row(self, row: int, x: Buffer, y: Buffer) -> None:
-        """Put x - y into a row."""
-        self.device.launch("quasi_newton.set_difference", self.n, x, y, self.n, row, self.basis)
+        """Put the difference x - y of places, or of gradients, into a row."""
+        inverse = int(row < MEMORY)
+        self.device.launch("quasi_newton.set_difference", self.n, x, y, self.scale, inverse, self.n, row, self.basis)
 
     def multiply(self, row: int) -> None:
         """Bring the products of a row with all rows up to date."""
@@ -75,7 +78,7 @@ def descend(
     the nodes and their energy, never above that of x slid to its level.
     """
     device, n = hexes.device, 3 * hexes.n_nodes
-    memory = Memory(device, n, device.put(np.zeros((2 * MEMORY + 1) * n)))
+    memory = Memory(device, n, device.put(np.zeros((2 * MEMORY + 1) * n)), hexes.scale)
     zero = device.put(np.zeros(n))
     g, g_new, d, x_new = (device.empty(n) for _ in range(4))
     hexes.slide(x)
@@ -88,11 +91,18 @@ def descend(
         if size <= 1e-14 * n or energy <= 0:
             break
         device.launch(
-            "quasi_newton.combine_rows", n, memory.basis, device.put(memory.direction()), 2 * MEMORY + 1, n, d
+            "quasi_newton.combine_rows",
+            n,
+            memory.basis,
+            device.put(memory.direction()),
+            2 * MEMORY + 1,
+            hexes.scale,
+            n,
+            d,
         )
         length = 1.0 if memory.pairs else FIRST_STEP / _largest(device, d)
         for _ in range(HALVINGS):
-            device.launch("optimize.move", hexes.n_nodes, x, d, hexes.n_nodes, length, cap, x_new)
+            device.launch("optimize.move", hexes.n_nodes, x, d, hexes.n_nodes, length, cap, hexes.scale, x_new)
             hexes.slide(x_new)
             energy_new = hexes.evaluate(x_new, goal, g_new)
             if energy_new < energy:

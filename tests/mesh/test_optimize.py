@@ -1,0 +1,109 @@
+"""Optimisation of any hexes: better, the surface kept, fields carried, sets kept."""
+
+import numpy as np
+import pytest
+
+from gpubspline.errors import InputError
+from gpubspline.mesh.carry import carry_fields
+from gpubspline.mesh.colouring import colour_nodes
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.optimize import optimize
+from gpubspline.mesh.own_surface import smooth_parts
+from gpubspline.mesh.quality import assess
+
+COUNTS = (7, 6, 5)
+
+
+def jittered(noise=0.33, seed=0):
+    """A box of hexes 2 x 2 x 2 mm whose nodes are moved, those of the surface within it."""
+    rng = np.random.default_rng(seed)
+    at = np.stack(np.meshgrid(*[np.arange(n) for n in COUNTS], indexing="ij"), axis=-1).reshape(-1, 3, order="F")
+    inside = (at > 0) & (at < np.array(COUNTS) - 1)
+    points = 2.0 * (at + noise * rng.uniform(-1, 1, at.shape) * inside) + np.array([50.0, -20.0, 100.0])
+    fields = {"HU": points @ np.array([3.0, -2.0, 5.0]) + 7.0}
+    sets = {"left": np.flatnonzero(at[:, 0] == 0).astype(np.int32)}
+    return Mesh(points, "hex8", structure=COUNTS, fields=fields, node_sets=sets)
+
+
+def disc():
+    """A cylinder whose sections are squares blown up to circles: hexes at their four edges are flat there."""
+    n, line = 9, np.linspace(-1, 1, 9)
+    w, v, u = np.meshgrid(np.linspace(0, 12, 7), line, line, indexing="ij")
+    size = np.maximum(np.abs(u), np.abs(v))
+    stretch = 8 * size / np.maximum(np.hypot(u, v), 1e-9)
+    points = np.stack([u * stretch, v * stretch, w], axis=-1).reshape(-1, 3)
+    return Mesh(points, "hex8", structure=(n, n, 7))
+
+
+def test_a_jittered_box_is_straightened(device):
+    mesh = jittered()
+    before = assess(mesh, device)[1]
+    made, report = optimize(mesh, device)
+    after = assess(made, device)[1]
+    assert before.min < 0.5 < 0.7 < after.min
+    assert report.before == pytest.approx(before.min) and report.after == pytest.approx(after.min)
+    assert np.ptp(made.points, axis=0) == pytest.approx(np.ptp(mesh.points, axis=0), abs=1e-3)
+    assert made.volume_mm3 == pytest.approx(mesh.volume_mm3, rel=1e-4)  # sharp edges are not cut
+    assert made.structure == mesh.structure and np.array_equal(made.node_sets["left"], mesh.node_sets["left"])
+    expected = made.points @ np.array([3.0, -2.0, 5.0]) + 7.0
+    assert made.fields["HU"] == pytest.approx(expected, abs=0.02)  # a linear field is carried to rounding
+
+
+def test_corners_of_a_disc_spread_along_its_rim(device):
+    """Flat corners, where the determinant is near 0, open as their nodes go along the side and along the rims."""
+    mesh = disc()
+    before = assess(mesh, device)[1]
+    made, report = optimize(mesh, device)
+    after = assess(made, device)[1]
+    assert before.min < 0.15 and after.min > 0.35
+    surface = made.points[np.unique(made.boundary())]
+    on_cap = np.minimum(np.abs(surface[:, 2]), np.abs(surface[:, 2] - 12)) < 1e-3
+    radius = np.hypot(surface[:, 0], surface[:, 1])
+    assert np.all(on_cap | (np.abs(radius - 8) < 0.2))
+    assert report.boundary_mm < 0.05
+
+
+def test_a_boundary_that_stays(device):
+    mesh = jittered()
+    made, report = optimize(mesh, device, boundary="stay")
+    on = np.unique(mesh.boundary())
+    assert np.array_equal(made.points[on], mesh.points[on])
+    assert report.after > report.before and report.boundary_mm < 1e-4
+
+
+def test_same_mesh_each_time(device):
+    first, second = (optimize(jittered(), device)[0].points for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_a_perfect_mesh_stays_as_it_is(device):
+    mesh = jittered(noise=0.0)
+    made, report = optimize(mesh, device)
+    assert report.after == pytest.approx(1.0, abs=1e-5) and np.abs(made.points - mesh.points).max() < 1e-3
+
+
+def test_quads_and_other_words_are_refused(device):
+    quads = Mesh(np.zeros((4, 3)), "quad4", connectivity=np.array([[0, 1, 2, 3]]))
+    with pytest.raises(InputError, match="hex8"):
+        optimize(quads, device)
+    with pytest.raises(InputError, match="slide or stay"):
+        optimize(jittered(), device, boundary="fly")
+
+
+def test_colours_of_nodes():
+    mesh = jittered()
+    colours = colour_nodes(mesh.cells, mesh.n_nodes)
+    assert all(len(set(row)) == 8 for row in colours[mesh.cells])
+    assert colours.max() < 27 and np.array_equal(colours, colour_nodes(mesh.cells, mesh.n_nodes))
+
+
+def test_a_box_has_six_smooth_parts():
+    mesh = jittered(noise=0.0)
+    parts = smooth_parts(mesh.points, mesh.boundary())
+    assert sorted(np.bincount(parts)) == [20, 20, 24, 24, 30, 30]
+    assert np.bincount(parts)[0] == 30
+
+
+def test_fields_of_nodes_that_did_not_move():
+    mesh = jittered()
+    assert np.array_equal(carry_fields(mesh, mesh.points)["HU"], mesh.fields["HU"])
