@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from gpubspline.mesh.butterfly.sample import sample_butterfly as sample_butterfly
     from gpubspline.mesh.distance import surface_distance as surface_distance
     from gpubspline.mesh.mesh import Mesh as Mesh
+    from gpubspline.mesh.optimize import optimize as optimize
     from gpubspline.mesh.quality import Quality as Quality
     from gpubspline.mesh.quality import assess as assess
     from gpubspline.mesh.quality import scaled_jacobian as scaled_jacobian
@@ -93,6 +94,7 @@ _HOME = {
     "mesh.butterfly.sample": ("sample_butterfly",),
     "mesh.distance": ("surface_distance",),
     "mesh.mesh": ("Mesh",),
+    "mesh.optimize": ("optimize",),
     "mesh.quality": ("Quality", "assess", "scaled_jacobian"),
     "mesh.sample": ("sample",),
     "mesh.validity": ("certify",),

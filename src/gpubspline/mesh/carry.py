@@ -8,9 +8,7 @@ from gpubspline.mesh.movable import node_slots
 
 Floats = NDArray[np.float64]
 
-_SIGNS = np.array(
-    [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)]
-)
+_SIGNS = np.array([(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
 """Of the vertices of a hex along u, v, w; an eighth of them are the slopes of the shape functions at the centre."""
 
 

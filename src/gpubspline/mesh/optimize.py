@@ -111,7 +111,7 @@ def _pinned(quads: NDArray[Any], n: int, device: Device) -> Held:
 def _edge_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
     """(3, m, 4) of the edges along u, v, w."""
     ends = [[np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row] for row in _EDGES]
-    return np.array(ends).transpose(0, 2, 1)
+    return np.asarray(np.array(ends).transpose(0, 2, 1))
 
 
 def _mean_length(points: Floats, cells: NDArray[np.int32]) -> float:

@@ -88,7 +88,7 @@ def _near(corners: Floats, to_index: Floats, shape: tuple[int, ...]) -> NDArray[
         line = low * (1 - along) + (corners[:, 3] * (1 - a) + corners[:, 2] * a) * along
         i, j, k = np.rint(line.reshape(-1, 3) @ to_index[:, :3].T + to_index[:, 3]).astype(int).T
         touched[k, j, i] = True
-    return maximum_filter(touched, size=2 * REACH + 1)
+    return np.asarray(maximum_filter(touched, size=2 * REACH + 1))
 
 
 def smooth_parts(points: Floats, quads: Integers) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from gpubspline.cli.commands import mesh as mesh
 from gpubspline.cli.commands import fit as fit
 from gpubspline.cli.commands import sample as sample
 from gpubspline.cli.commands import quality as quality
+from gpubspline.cli.commands import optimize as optimize
 from gpubspline.cli.commands import solve as solve
 from gpubspline.cli.commands import study as study
 from gpubspline.cli.commands import export as export

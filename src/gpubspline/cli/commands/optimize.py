@@ -1,0 +1,56 @@
+"""The hexes of a mesh file, made better."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpubspline.cli.app import app
+from gpubspline.cli.options import RunOptions, flattened
+from gpubspline.files import check_apart, check_writable
+
+
+@app.command()
+@flattened
+def optimize(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file of hex8, such as .vtu", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="mesh or deck, by extension", show_default=False)
+    ],
+    run: RunOptions,
+    surface: Annotated[
+        str, typer.Option(metavar="slide|stay", help="nodes of the surface go along it as it is, or do not move")
+    ] = "slide",
+    summary: Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")] = None,
+) -> None:
+    """Raise the worst scaled Jacobian of a mesh of hexes by moving its nodes."""
+    from gpubspline.cli import describe
+    from gpubspline.export import read_mesh, write
+    from gpubspline.mesh.optimize import optimize as improved
+    from gpubspline.mesh.quality import assess
+    from gpubspline.report.summary import write_summary
+
+    written = [output, *([summary] if summary else [])]
+    for path in written:
+        check_writable(path)
+    check_apart(written, [mesh])
+    device = run.open()
+    with run.clock() as clock:
+        with clock.stage("read"):
+            found = read_mesh(mesh)
+        with clock.stage("optimize"):
+            made, report = improved(found, device, boundary=surface)
+            made, judged = assess(made, device)
+        with clock.stage("write"):
+            write(made, output)
+    if summary:
+        figures = {**describe.quality_figures(made, judged, None), "optimized": report.to_dict()}
+        write_summary(figures, summary)
+    run.say(
+        [
+            *describe.quality_lines(made, judged),
+            f"optimized  worst scaled Jacobian from {report.before:.3f} to {report.after:.3f}; nodes went up to "
+            f"{report.farthest_mm:.3g} mm, the surface stayed within {report.boundary_mm:.2g} mm",
+            *describe.wrote(written),
+        ]
+    )
