@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import pydicom
@@ -57,10 +58,13 @@ def test_report_of_a_mesh_holds_the_run_and_no_patient(run: Command, femur: Path
 def test_report_of_a_solved_mesh(run: Command, femur: Path, tmp_path: Path) -> None:
     files = ["-o", tmp_path / "s.vtu", "--report", tmp_path / "s.html"]
     assert run("mesh", femur, *FEMUR, "--allow-gaps", "-o", tmp_path / "m.vtu")[0] == 0
-    assert run("solve", tmp_path / "m.vtu", "--load", "stance", *files)[0] == 0
+    stance = resources.files("gpubspline.analysis").joinpath("stance.toml").read_text(encoding="utf-8")
+    (tmp_path / "Mustermann.toml").write_text(stance, encoding="utf-8")
+    assert run("solve", tmp_path / "m.vtu", "--load", tmp_path / "Mustermann.toml", *files)[0] == 0
     text = (tmp_path / "s.html").read_text(encoding="utf-8")
     assert "Single-legged stance: 832 hex8 solved" in text and "femoral head" in text
-    assert "greatest von Mises stress" in text and "gpubspline solve INPUT --load stance" in text
+    assert "greatest von Mises stress" in text and "gpubspline solve INPUT --load FILE.toml" in text
+    assert "mustermann" not in text.lower()
     scene = data_of(text)["scene"]
     names = [field["name"] for field in scene["fields"]]  # type: ignore[index, call-overload]
     assert names == ["von_mises_mpa", "HU", "E_MPa", "displacement_mm", "density_g_cm3", "scaled_jacobian"]

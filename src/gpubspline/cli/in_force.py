@@ -1,5 +1,6 @@
 """The command and every option in force, told without paths and identifiers, which may lead to a patient."""
 
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -50,15 +51,23 @@ def settings(context: typer.Context) -> list[Setting]:
     return sorted(found, key=lambda setting: order.index(setting.panel))
 
 
-def without_paths(text: str, context: typer.Context) -> str:
-    """Take the paths of a run, and the names of their files, out of a text."""
+def without_paths(told: Any, context: typer.Context, folders: bool = True) -> Any:
+    """Take the paths of a run, and the names of their files, out of a text, or of the texts of a dict or a list.
+
+    A folder's name may be a word like ``head``, which figures speak of: it stays in them without ``folders``.
+    """
+    if isinstance(told, dict):
+        return {key: without_paths(value, context, folders) for key, value in told.items()}
+    if isinstance(told, list | tuple):
+        return [without_paths(value, context, folders) for value in told]
+    if not isinstance(told, str):
+        return told
     paths = [Path(each) for value in context.params.values() for each in _each(value) if _is_path(each)]
-    names = {
-        name for path in paths for name in (str(path), str(path.absolute()), path.name, path.stem) if len(name) > 1
-    }
-    for name in sorted(names, key=len, reverse=True):
-        text = text.replace(name, "FILE")
-    return text
+    names = {(name, _file(path)) for path in paths for name in (str(path), str(path.absolute()), path.name)}
+    names = {(name, kind) for name, kind in names if name and (folders or ENDINGS.search(name) or os.sep in name)}
+    for name, kind in sorted(names, key=lambda each: -len(each[0])):
+        told = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", kind, told)
+    return told
 
 
 def _is_path(value: Any) -> bool:

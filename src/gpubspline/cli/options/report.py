@@ -53,8 +53,12 @@ class ReportOptions:
         known: dict[str, Any] = {
             "command": in_force.command(context),
             "settings": in_force.settings(context),
-            "warnings": [in_force.without_paths(line, context) for line in warned.said()],
+            "warnings": in_force.without_paths(warned.said(), context),
         }
-        told = figures | {"seconds": {**seconds, "total": sum(seconds.values())}}
+        told = in_force.without_paths(figures, context, folders=False) | {
+            "seconds": {**seconds, "total": sum(seconds.values())}
+        }
         with clock.stage("report"):
-            write_report(Account(title, mesh, told, **known | parts), self.report)
+            write_report(
+                Account(in_force.without_paths(title, context, folders=False), mesh, told, **known | parts), self.report
+            )
