@@ -1,6 +1,6 @@
 """Readers that nobody here wrote, one file for each format, all giving the same plain data.
 
-``python -m foreign`` (with ``tests`` on the path) prints the table of ``docs/formats.md``.
+``python -m foreign docs/formats.md`` (with ``tests`` on the path) writes the page with the table.
 """
 
 from dataclasses import dataclass, field

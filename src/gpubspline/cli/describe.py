@@ -117,7 +117,9 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
     """Units, means of the modulus and load case of what was written, where it has any; see ``export.write``."""
     deck = figures.get("deck") or {}
     modulus, load = deck.get("modulus"), deck.get("load")
-    lines = [f"deck       {deck['format']}, {deck['units']}"] if modulus or load else []
+    if not load and (not modulus or modulus["means"].startswith("field")):
+        return []
+    lines = [f"deck       {deck['format']}, {deck['units']}"]
     if modulus and modulus["means"] == "bins":
         lines.append(
             f"{_UNDER}modulus in {modulus['bins']} bins, off by {modulus['mean_error']:.2%} on average, "
@@ -126,7 +128,7 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
     elif modulus and "rows" in modulus:
         lines.append(
             f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}, "
-            f"off by {modulus['error']:.1e} at most"
+            f"off by {modulus['error']:.1e} at most; Poisson's ratio by {modulus['poisson_error']:.2g}"
         )
     elif modulus:
         lines.append(f"{_UNDER}modulus by node")

@@ -1,8 +1,9 @@
 """Decks for Abaqus and CalculiX (.inp): nodes, elements, sets, surfaces, sections, a material by node, a load case.
 
-The nodal material travels as a table over temperature, with the nodal carrier of it (HU) as the initial temperature;
-see ``modulus_table``. Without ``*EXPANSION`` it strains nothing. Elements with straight edges (C3D8) take one
-temperature, the mean of their nodes, in both solvers; those with curved edges (C3D20) interpolate it.
+The nodal material travels as a table over temperature, with the nodal carrier of it as the initial temperature; see
+``modulus_table``. Without ``*EXPANSION`` it strains nothing. Elements with straight edges (C3D8) take one temperature,
+the mean of their nodes, in both solvers: the modulus is the temperature. Those with curved edges (C3D20) interpolate
+it: HU is the temperature.
 
 Source: Abaqus keywords reference, *ELASTIC, *INITIAL CONDITIONS, *SURFACE, *DSLOAD; CalculiX CrunchiX 2.20 user's
 manual, the same keywords, "Eight-node brick element", "Twenty-node brick element".

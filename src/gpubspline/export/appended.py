@@ -78,17 +78,29 @@ def set_arrays_of(given: Mapping[str, NDArray[Any]]) -> list[Array]:
     return [Array(n, stored_type(v.dtype, n), shapes[n][0], shapes[n][1]) for n, v in given.items()]
 
 
+def xml_comment(line: str) -> str:
+    """Comment of an XML file, which has no two hyphens in it."""
+    return f"<!-- {line.replace('--', '- -')} -->"
+
+
 Sections = Mapping[str, Sequence[Array]]
 
 
 class AppendedFile:
     """The arrays of an open file, filled in any order and in parts."""
 
-    def __init__(self, stream: BinaryIO, grid: str, attributes: Mapping[str, str], sections: Sections) -> None:
+    def __init__(
+        self,
+        stream: BinaryIO,
+        grid: str,
+        attributes: Mapping[str, str],
+        sections: Sections,
+        comments: Sequence[str] = (),
+    ) -> None:
         self._stream = stream
         self._arrays = {(section, array.name): array for section, arrays in sections.items() for array in arrays}
         offsets, end = _offsets(self._arrays)
-        header = _header(grid, attributes, self._arrays, offsets)
+        header = _header(grid, attributes, self._arrays, offsets, comments)
         stream.write(header)
         self._starts = {key: len(header) + offset + COUNT.itemsize for key, offset in offsets.items()}
         for key, start in self._starts.items():
@@ -119,7 +131,9 @@ class AppendedFile:
 
 
 @contextmanager
-def appended_file(path: Path, grid: str, attributes: Mapping[str, str], sections: Sections) -> Iterator[AppendedFile]:
+def appended_file(
+    path: Path, grid: str, attributes: Mapping[str, str], sections: Sections, comments: Sequence[str] = ()
+) -> Iterator[AppendedFile]:
     """Open a file that takes its place at ``path`` when the block ends without an error.
 
     Arguments
@@ -127,6 +141,7 @@ def appended_file(path: Path, grid: str, attributes: Mapping[str, str], sections
     path: in an existing folder.
     grid: VTK's name, ``"StructuredGrid"`` or ``"UnstructuredGrid"``.
     attributes: of the one piece, and of the grid where they are its extent.
+    comments: lines that stand in the header.
     sections: the arrays of ``"FieldData"`` first, ``"PointData"``, ``"CellData"``, ``"Points"`` and ``"Cells"``.
 
     Raises
@@ -134,7 +149,7 @@ def appended_file(path: Path, grid: str, attributes: Mapping[str, str], sections
     InputError where the folder is not there or not writable.
     """
     with whole_file(path) as temporary, open(temporary, "wb") as stream:
-        yield AppendedFile(stream, grid, attributes, sections)
+        yield AppendedFile(stream, grid, attributes, sections, comments)
 
 
 _Key = tuple[str, str]
@@ -149,12 +164,19 @@ def _offsets(arrays: Mapping[_Key, Array]) -> tuple[dict[_Key, int], int]:
     return offsets, end
 
 
-def _header(grid: str, attributes: Mapping[str, str], arrays: Mapping[_Key, Array], offsets: dict[_Key, int]) -> bytes:
+def _header(
+    grid: str,
+    attributes: Mapping[str, str],
+    arrays: Mapping[_Key, Array],
+    offsets: dict[_Key, int],
+    comments: Sequence[str],
+) -> bytes:
     """All up to and with the underscore, whose length is a multiple of eight bytes."""
     extent = "".join(f" Whole{name}={quoteattr(value)}" for name, value in attributes.items() if name == "Extent")
     piece = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
     lines = [
         '<?xml version="1.0"?>',
+        *map(xml_comment, comments),
         f'<VTKFile type="{grid}" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         f"<{grid}{extent}>",
         f"<Piece{piece}>",

@@ -27,6 +27,9 @@ from gpubspline.mesh.mesh import Mesh
 DEFAULT_BINS = 100
 """Element sets by modulus where a format has nothing better and none are asked for."""
 
+LARGEST_TEMPERATURE = 1000.0
+"""CalculiX 2.20 takes temperatures above 2,000, or below -2,000, for none: elements get the modulus at zero."""
+
 LONGEST_NAME = 24
 """Characters; ANSYS and Exodus take 32, of which numbers and endings want some."""
 
@@ -259,7 +262,7 @@ def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
         raise InputError("expected the fields E_MPa and nu to gather by modulus, got a mesh without them")
     if wanted.nodal_modulus and not by_node:
         raise InputError("expected the nodal fields E_MPa and nu for a modulus by node, got a mesh without them")
-    if not (by_node or by_element) or not form.binned:
+    if not (by_node or by_element) or not (form.binned or form.nodal):
         return _Means()
     if wanted.modulus_bins is None and by_node and form.nodal == "table":
         return _table(mesh, form, wanted.units)
@@ -270,22 +273,28 @@ def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
 
 
 def _table(mesh: Mesh, form: Format, units: Units) -> _Means:
-    found = modulus_table(mesh.fields, form.most_rows)
+    straight = mesh.element.order == 1
+    found = modulus_table(mesh.fields, form.most_rows, straight)
     density = found.columns.get("density_g_cm3")
+    carried = mesh.fields[found.carrier]
+    over = 10.0 ** max(0, np.ceil(np.log10(max(np.abs(carried).max() / LARGEST_TEMPERATURE, 1e-300))))
     table = NodalTable(
         found.carrier,
-        mesh.fields[found.carrier],
-        found.at.astype(mesh.fields[found.carrier].dtype),  # so that a node lies on its row
+        carried / carried.dtype.type(over),
+        found.at.astype(carried.dtype) / carried.dtype.type(over),  # in its type, so that a node lies on its row
         found.columns["E_MPa"] * units.per_mpa,
         found.columns["nu"],
         None if density is None else density * units.per_g_cm3,
     )
+    told = f"the field {found.carrier}" + ("" if over == 1 else f" over {over:g}")
+    within = "each element takes the mean of its nodes" if straight else "between nodes the solver interpolates it"
     words = (
-        f"Material by node: the temperature is the field {found.carrier}, no heat. The table gives each node its "
-        f"modulus and Poisson's ratio within {found.error:.1e} of their size; between nodes the solver interpolates "
-        f"{found.carrier}. Give no thermal expansion and no other temperature."
+        f"Material by node: the temperature is {told}, no heat; {within}. The table gives each node "
+        f"its modulus within {found.error:.1e} of its size, Poisson's ratio within {found.poisson_error:.2g}, density "
+        f"within {found.density_error:.2g} of its size. Give no thermal expansion and no other temperature."
     )
     figures = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size, "error": found.error}
+    figures |= {"poisson_error": found.poisson_error, "density_error": found.density_error}
     return _Means(words, figures, table=table)
 
 

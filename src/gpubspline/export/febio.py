@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import InputError
+from gpubspline.export.appended import xml_comment
 from gpubspline.export.columns import write_labels, write_lines
 from gpubspline.export.deck import Deck, Section
 from gpubspline.export.deck_loads import DeckLoads
@@ -61,8 +62,7 @@ def write(deck: Deck, path: Path) -> None:
         )
     with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as out:
         out.write('<?xml version="1.0" encoding="UTF-8"?>\n<febio_spec version="4.0">\n')
-        for line in deck.comment_lines(100):
-            out.write(f"<!-- {line.replace('--', '- -')} -->\n")
+        out.writelines(f"{xml_comment(line)}\n" for line in deck.comment_lines(100))
         out.write('<Module type="solid"/>\n' + CONTROL)
         _write_materials(out, deck)
         with _tag(out, "Mesh"):

@@ -1,12 +1,19 @@
 """The nodal material as a table along one nodal field, which a solver carries as temperature.
 
-A solver knows a material by its temperature, and a temperature by node. The field that plays it must tell modulus and
-Poisson's ratio apart at every node. HU does: each node's material is a function of its HU. The modulus itself does not
-where two branches of a law overlap with different Poisson's ratios (eqs 3.6 and 3.7 give 129 to 436 MPa twice).
+A solver knows a material by its temperature, and a temperature by node. Which field plays it depends on the element.
+
+Elements with curved edges interpolate the temperature, and HU tells the materials apart at every node: each node's is a
+function of its HU. The modulus itself does not where two branches of a law overlap with different Poisson's ratios
+(eqs 3.6 and 3.7 give 129 to 436 MPa twice). Beyond the nodes nothing is promised: within an element the solver
+interpolates HU, not modulus, and crosses a jump where HU does.
+
+Elements with straight edges take one temperature, the mean of their nodes. The modulus of the mean HU is well below the
+mean modulus (a femur of 13,000 hexes gives way a fifth more), so there the modulus is the temperature: each element has
+the mean modulus of its nodes, exactly. Poisson's ratio and density are means where branches overlap, and how far off
+they are is stated.
 
 The table's rows are nodes' own values, and enough of them that linear interpolation between rows gives every other
-node its modulus, Poisson's ratio and density within ``TOLERANCE`` of their size; two rows straddle a jump. Beyond the
-nodes nothing is promised: within an element the solver interpolates HU, not modulus, and crosses a jump where HU does.
+node its modulus, Poisson's ratio and density within ``TOLERANCE`` of their size; two rows straddle a jump.
 """
 
 from dataclasses import dataclass
@@ -19,6 +26,9 @@ from gpubspline.errors import InputError
 
 TOLERANCE = 1e-4
 """Relative; a tenth of the third digit, which no density calibration has."""
+
+MEAN_ROWS = 100
+"""Of a table along the modulus whose Poisson's ratios and densities are means; ANSYS takes as many."""
 
 LOOSEST = 0.02
 """Relative; beyond it bins tell the truth better."""
@@ -41,22 +51,29 @@ class ModulusTable:
     carrier: name of the nodal field that plays the temperature, ``"HU"`` or ``"E_MPa"``.
     at: (r,) its value in each row, rising.
     columns: (r,) each, what the rows hold: ``E_MPa``, ``nu`` and, where all of it is positive, ``density_g_cm3``.
-    error: largest relative difference of a node from the table.
+    error: largest relative difference of a node's modulus from the table.
+    poisson_error: largest difference of a node's Poisson's ratio.
+    density_error: largest relative difference of a node's density.
     """
 
     carrier: str
     at: Floats
     columns: dict[str, Floats]
     error: float
+    poisson_error: float = 0.0
+    density_error: float = 0.0
 
 
-def modulus_table(fields: dict[str, NDArray[Any]], most_rows: int | None = None) -> ModulusTable:
+def modulus_table(
+    fields: dict[str, NDArray[Any]], most_rows: int | None = None, straight: bool = False
+) -> ModulusTable:
     """Tabulate nodal fields ``E_MPa``, ``nu`` and ``density_g_cm3`` along ``HU``, or along ``E_MPa`` where that fails.
 
     Arguments
     ---------
     most_rows: that the solver takes, or None for any number; where ``TOLERANCE`` needs more, the tolerance is doubled
         until they suffice, up to ``LOOSEST``.
+    straight: for elements with straight edges: along ``E_MPa``, whatever it takes.
 
     Raises
     ------
@@ -65,19 +82,60 @@ def modulus_table(fields: dict[str, NDArray[Any]], most_rows: int | None = None)
     names = ["E_MPa", "nu"]
     if "density_g_cm3" in fields and np.all(fields["density_g_cm3"] > 0):
         names.append("density_g_cm3")
+    if straight:
+        few = min(most_rows or MEAN_ROWS, MEAN_ROWS)  # many rows would only follow the nodes from branch to branch
+        return _plain(fields, names, few) or _along_modulus(fields, names, few)
     for carrier in ("HU", "E_MPa"):
-        if carrier not in fields:
-            continue
-        found, tolerance = _tabulate(fields[carrier], [fields[name] for name in names], TOLERANCE), TOLERANCE
-        while found is not None and most_rows is not None and found[0].shape[1] > most_rows and tolerance < LOOSEST:
-            tolerance *= 2
-            found = _tabulate(fields[carrier], [fields[name] for name in names], tolerance)
-        if found is not None and found[0].shape[1] <= (most_rows or MOST_ROWS):
-            (at, *columns), error = found
-            return ModulusTable(carrier, at, dict(zip(names, columns, strict=True)), error)
+        found = _exact(fields, carrier, names, most_rows, TOLERANCE) if carrier in fields else None
+        if found is not None:
+            return found
     raise InputError(
         "expected a material that is a function of HU or of its modulus, got another: ask for modulus bins"
     )
+
+
+def _exact(
+    fields: dict[str, NDArray[Any]], carrier: str, names: list[str], most_rows: int | None, tolerance: float
+) -> ModulusTable | None:
+    """Table within a tolerance of every node, looser where rows are few, or None."""
+    columns = [fields[name] for name in names]
+    found = _tabulate(fields[carrier], columns, tolerance)
+    while found is not None and most_rows is not None and found[0].shape[1] > most_rows and tolerance < LOOSEST:
+        tolerance *= 2
+        found = _tabulate(fields[carrier], columns, tolerance)
+    if found is None or found[0].shape[1] > (most_rows or MOST_ROWS):
+        return None
+    (at, *rows), error = found
+    return ModulusTable(carrier, at, dict(zip(names, rows, strict=True)), error, error, error)
+
+
+def _plain(fields: dict[str, NDArray[Any]], names: list[str], most_rows: int) -> ModulusTable | None:
+    """Table along the modulus within ``TOLERANCE`` of every node, or None where few rows do not do it."""
+    found = _tabulate(fields["E_MPa"], [fields[name] for name in names], TOLERANCE)
+    if found is None or found[0].shape[1] > most_rows:
+        return None
+    (at, *rows), error = found
+    return ModulusTable("E_MPa", at, dict(zip(names, rows, strict=True)), 0.0, error, error)
+
+
+def _along_modulus(fields: dict[str, NDArray[Any]], names: list[str], n_rows: int) -> ModulusTable:
+    """Table along the modulus, in which it is itself, and all else the mean of the nodes about each row."""
+    modulus = fields["E_MPa"].astype(np.float64)
+    if modulus.min() <= 0:
+        raise InputError(f"expected positive moduli, got {modulus.min():g} MPa")
+    at = np.geomspace(modulus.min(), modulus.max(), n_rows).astype(fields["E_MPa"].dtype).astype(np.float64)
+    at[[0, -1]] = modulus.min(), modulus.max()
+    at = np.unique(at)
+    nearest = np.searchsorted(np.sqrt(at[1:] * at[:-1]), modulus)
+    count = np.bincount(nearest, minlength=at.size)
+    columns, off = {"E_MPa": at}, {}
+    for name in names[1:]:
+        values = fields[name].astype(np.float64)
+        mean = np.bincount(nearest, values, at.size)[count > 0] / count[count > 0]
+        columns[name] = np.interp(at, at[count > 0], mean)
+        off[name] = np.abs(np.interp(modulus, at, columns[name]) - values)
+    density = float(np.max(off["density_g_cm3"] / fields["density_g_cm3"])) if "density_g_cm3" in off else 0.0
+    return ModulusTable("E_MPa", at, columns, 0.0, float(off["nu"].max()), density)
 
 
 def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float) -> tuple[Floats, float] | None:

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from gpubspline.errors import GpubsplineWarning
+from gpubspline.export.appended import xml_comment
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
 from gpubspline.export.quiet import quiet_meshio
+from gpubspline.export.sets import set_flags
 from gpubspline.files import whole_file
 from gpubspline.mesh.elements import MESHABLE
 
@@ -23,15 +25,16 @@ STRAIGHT = ("quad4", "hex8")
 def write(deck: Deck, path: Path, form: Format, name: str, options: Mapping[str, Any]) -> None:
     """Write elements, and the fields that the format holds, by meshio's writer ``name`` and its options.
 
-    Fields and sets that are left out are warned of.
+    Sets are fields of 0 and 1 where ``form.sets``, as ``sets`` names them. Fields that are left out are warned of.
     """
     import meshio
 
     mesh = deck.with_all_fields if form.loads else deck.mesh
+    flags = set_flags(deck) if form.sets else ({}, {})
     kept = replace(
         mesh,
-        fields=mesh.fields if form.fields else {},
-        cell_fields=mesh.cell_fields if form.cell_fields else {},
+        fields={**mesh.fields, **flags[0]} if form.fields else {},
+        cell_fields={**mesh.cell_fields, **flags[1]} if form.cell_fields else {},
         node_sets={},
         element_sets={},
     )
@@ -41,6 +44,9 @@ def write(deck: Deck, path: Path, form: Format, name: str, options: Mapping[str,
         warnings.warn(words, GpubsplineWarning, stacklevel=4)
     with whole_file(path) as temporary, quiet_meshio():
         meshio.write(temporary, kept.to_meshio(), file_format=name, **options)
+        if name == "xdmf":
+            with open(temporary, "a", encoding="ascii", errors="replace") as out:
+                out.writelines(f"\n{xml_comment(line)}" for line in deck.comment_lines(100))
 
 
 def _format(
@@ -53,8 +59,9 @@ def _format(
         write(deck, path, form, name, options)
 
     short = extensions[0][1:]
-    form = Format(short, extensions, element_types, write_it, "field" if fields else "", fields=fields, **held)
-    return replace(form, loads=fields)
+    nodal = "field" if fields else ""
+    form = Format(short, extensions, element_types, write_it, nodal, fields=fields, loads=fields, **held)
+    return form
 
 
 FORMATS = (
@@ -67,6 +74,7 @@ FORMATS = (
         MESHABLE,
         fields=True,
         cell_fields=True,
+        sets=True,
         needs="h5py",
         options={"data_format": "XML"},
     ),

@@ -15,7 +15,9 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import vtkhdf
 from gpubspline.export.quiet import quiet_meshio
 from gpubspline.export.read_appended import StoredGrid, read_appended
-from gpubspline.export.sets import sets_of
+from gpubspline.export.sets import ELEMENTS as ELEMENT_SET
+from gpubspline.export.sets import NODES as NODE_SET
+from gpubspline.export.sets import from_flags, sets_of
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -124,14 +126,17 @@ def _read_by_meshio(path: Path) -> Mesh:
     points = np.asarray(given.points)
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points), dtype=points.dtype)])
+    fields = scalars(_own(given.point_data))
+    cell_fields = scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in _own(given.cell_data).items()})
+    node_sets, element_sets = from_flags(NODE_SET, fields), from_flags(ELEMENT_SET, cell_fields)
     return Mesh(
         points,
         name,
         connectivity=np.concatenate([given.cells[number].data for number in blocks]),
-        fields=scalars(_own(given.point_data)),
-        cell_fields=scalars({k: np.concatenate([v[b] for b in blocks]) for k, v in _own(given.cell_data).items()}),
-        node_sets=_node_sets(given),
-        element_sets=_element_sets(given, blocks),
+        fields={name: values for name, values in fields.items() if not name.startswith(NODE_SET)},
+        cell_fields={name: values for name, values in cell_fields.items() if not name.startswith(ELEMENT_SET)},
+        node_sets={**node_sets, **_node_sets(given)},
+        element_sets={**element_sets, **_element_sets(given, blocks)},
     )
 
 

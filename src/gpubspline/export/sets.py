@@ -34,3 +34,20 @@ def sets_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Arrays, Arrays]:
             if name.startswith(kind):
                 sets[name.removeprefix(kind)] = np.asarray(values, dtype=np.int32).ravel()
     return found
+
+
+def set_flags(deck: Deck) -> tuple[Arrays, Arrays]:
+    """Node and element sets of a deck as fields of 0 and 1, for formats that have fields only."""
+    found: tuple[Arrays, Arrays] = ({}, {})
+    sets = (NODES, deck.node_sets, deck.mesh.n_nodes), (ELEMENTS, deck.element_sets, deck.mesh.n_elements)
+    for into, (kind, named, count) in zip(found, sets, strict=True):
+        for name, members in named.items():
+            into[f"{kind}{name}"] = np.zeros(count, dtype=np.int32)
+            into[f"{kind}{name}"][members] = 1
+    return found
+
+
+def from_flags(kind: str, fields: Mapping[str, NDArray[Any]]) -> Arrays:
+    """Sets of a kind among fields, which ``set_flags`` made."""
+    named = {name: np.flatnonzero(values) for name, values in fields.items() if name.startswith(kind)}
+    return {name.removeprefix(kind): members.astype(np.int32) for name, members in named.items()}

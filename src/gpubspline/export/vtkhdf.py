@@ -24,6 +24,7 @@ def write(deck: Deck, path: Path) -> None:
 
     mesh = deck.with_all_fields
     with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs["comment"] = "\n".join(deck.comments)
         group = file.create_group("VTKHDF")
         group.attrs["Version"] = (1, 0)
         group.attrs["Type"] = np.bytes_("UnstructuredGrid")

@@ -5,7 +5,7 @@ Sets and surfaces are field data where the file is written whole; see ``sets``.
 Source: VTK file formats, "StructuredGrid".
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from math import prod
 from pathlib import Path
@@ -49,6 +49,7 @@ class VtsWriter:
     point_fields, cell_fields: names and types of the nodal and element fields.
     dtype: of the points.
     field_data: arrays of no point and no cell, (n,) or (n, c) each.
+    comments: lines that stand in the header.
 
     Raises
     ------
@@ -64,13 +65,14 @@ class VtsWriter:
         cell_fields: Mapping[str, DTypeLike] | None = None,
         dtype: DTypeLike = np.float32,
         field_data: Fields | None = None,
+        comments: Sequence[str] = (),
     ) -> None:
         if len(counts) not in (2, 3) or min(counts) < 2:
             raise InputError(f"expected 2 or 3 node counts of at least 2, got {counts}")
         self._path, self._stack = Path(path), ExitStack()
         self._counts = n_u, n_v, n_w = (*counts, 1)[:3]
         self._cells = n_u - 1, n_v - 1, max(n_w - 1, 1)
-        self._field_data = dict(field_data or {})
+        self._field_data, self._comments = dict(field_data or {}), comments
         self._sections = {
             FIELD_DATA: set_arrays_of(self._field_data),
             "PointData": field_arrays(point_fields or {}, prod(self._counts)),
@@ -83,7 +85,7 @@ class VtsWriter:
     def __enter__(self) -> "VtsWriter":
         """Open a temporary file beside the path."""
         extent = " ".join(f"0 {n - 1}" for n in self._counts)
-        opened = appended_file(self._path, "StructuredGrid", {"Extent": extent}, self._sections)
+        opened = appended_file(self._path, "StructuredGrid", {"Extent": extent}, self._sections, self._comments)
         self._file: AppendedFile = self._stack.enter_context(opened)
         self._stack.push(self._check_complete)
         for name, values in self._field_data.items():
@@ -189,7 +191,8 @@ def write(deck: Deck, path: Path) -> None:
     cells = tuple(max(n - 1, 1) for n in nodes)
     types = {name: values.dtype for name, values in mesh.fields.items()}
     cell_types = {name: values.dtype for name, values in mesh.cell_fields.items()}
-    with VtsWriter(path, mesh.structure, types, cell_types, mesh.points.dtype, set_arrays(deck)) as writer:
+    told = set_arrays(deck), deck.comment_lines(100)
+    with VtsWriter(path, mesh.structure, types, cell_types, mesh.points.dtype, *told) as writer:
         writer.write(
             0,
             mesh.planes.reshape(3, *nodes),

@@ -42,7 +42,7 @@ def write(deck: Deck, path: Path) -> None:
         ],
     }
     size = {"NumberOfPoints": str(mesh.n_nodes), "NumberOfCells": str(mesh.n_elements)}
-    with appended_file(path, "UnstructuredGrid", size, sections) as file:
+    with appended_file(path, "UnstructuredGrid", size, sections, deck.comment_lines(100)) as file:
         for name, values in sets.items():
             file.put(FIELD_DATA, name, 0, values)
         for name, values in mesh.fields.items():
