@@ -161,7 +161,7 @@ __kernel void node_gradient(__global const real *values, int m, __global const i
     if (slack[i] > 0) // a step back from the end of the slack is free
         off = fmin(off, (real)0);
     real moves = slack[i] < 0 ? 0 : 1, kept = moves;
-    if (levels[second + i] >= 0) { // the normal is the curve's direction: nothing but what goes along it is left
+    if (levels[second + i] >= 0 && slack[i] == 0) { // the normal is the curve's direction: nothing but what goes along it is left
         off = -off;
         kept = 0;
     }
@@ -237,7 +237,8 @@ inline point held(__global const real *volume, int n_i, int n_j, int n_k, __glob
     return p;
 }
 
-// The same on the level `one`, and where `other` is not negative on both levels: `normal` is the curve's direction then.
+// The same on the level `one`, and where `other` is not negative on both levels: `normal` is the curve's direction then,
+// or with slack that of a level whose end is reached.
 inline point held_on(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, int one, int other,
                      point p, real slack, point *normal)
 {
@@ -249,6 +250,10 @@ inline point held_on(__global const real *volume, int n_i, int n_j, int n_k, __g
     for (int turn = 0; turn < 2; turn++) {
         p = held(volume + other * size, n_i, n_j, n_k, m, p, slack, &b);
         p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, &a);
+    }
+    if (slack > 0) {
+        *normal = a.x != 0 || a.y != 0 || a.z != 0 ? a : b;
+        return p;
     }
     point along = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     real scale = rsqrt(fmax(along.x * along.x + along.y * along.y + along.z * along.z, TINY));

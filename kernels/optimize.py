@@ -245,7 +245,9 @@ def node_gradient(
         off = wp.min(off, none)
     moves = wp.where(slack[i] < none, none, out.dtype(1.0))
     kept = moves
-    if levels[n + i] >= 0:  # the normal is the curve's direction: nothing but what goes along it is left
+    if (
+        levels[n + i] >= 0 and slack[i] == none
+    ):  # the normal is the curve's direction: nothing but what goes along it is left
         off = -off
         kept = none
     out[i] = kept * gx - moves * off * nx
@@ -365,15 +367,22 @@ def held_on(
     p: Any,
     slack: Any,
 ):
-    """Hold p on the level ``one``, and where ``other`` is not negative on both: the normal is the curve's direction."""
+    """Hold p on the level ``one``, and where ``other`` is not negative on both.
+
+    The normal is the curve's direction then, or with slack that of a level whose end is reached.
+    """
     q, normal = held(volume, one, n_i, n_j, n_k, to_index, p, slack)
     if other >= 0:
         across = normal
         for _turn in range(2):
             r, across = held(volume, other, n_i, n_j, n_k, to_index, q, slack)
             q, normal = held(volume, one, n_i, n_j, n_k, to_index, r, slack)
-        along = wp.cross(normal, across)
-        normal = inverse_length(along) * along
+        if slack > type(slack)(0.0):
+            if wp.dot(normal, normal) == type(slack)(0.0):
+                normal = across
+        else:
+            along = wp.cross(normal, across)
+            normal = inverse_length(along) * along
     return q, normal
 
 

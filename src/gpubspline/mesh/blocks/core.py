@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
+from gpubspline.mesh.blocks.level_set import SAMPLES
 
 Cells = NDArray[np.bool_]
 
 
-def cell_means(level: LevelSet) -> NDArray[np.float32]:
-    """Mean of the level set, in elements, over the eight corners of each lattice cell (n_k, n_j, n_i)."""
-    corners = level.phi[::SAMPLES, ::SAMPLES, ::SAMPLES]
+def cell_means(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Mean of a sampled distance, in elements, over the eight corners of each lattice cell (n_k, n_j, n_i)."""
+    corners = phi[::SAMPLES, ::SAMPLES, ::SAMPLES]
     for axis in range(3):
         low = np.moveaxis(corners, axis, 0)
         corners = np.moveaxis(0.5 * (low[:-1] + low[1:]), 0, axis)

@@ -19,6 +19,7 @@ from gpubspline.errors import InputError
 from gpubspline.mesh.distance import sample_distance
 
 Floats = NDArray[np.float64]
+Field = NDArray[np.float32]
 
 SAMPLES = 3
 """Samples of the level set per element size."""
@@ -164,6 +165,12 @@ def bulged(phi: NDArray[np.float32]) -> NDArray[np.float32]:
         line, out = np.moveaxis(phi, axis, 0), np.moveaxis(bent, axis, 0)
         out[SAMPLES:-SAMPLES] += line[2 * SAMPLES :] - 2 * line[SAMPLES:-SAMPLES] + line[: -2 * SAMPLES]
     return np.asarray(phi - np.clip(bent / np.float32(12), -MOST_BULGE, MOST_BULGE), dtype=np.float32)
+
+
+def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, device: Device) -> Field:
+    """Distance, in elements, of one of the bodies of a level set's region, sampled and smoothed as the level set is."""
+    sampled = _sampled(region, level.to_mm, level.phi.shape, device)
+    return _smooth(sampled / np.float32(level.size_mm), smoothing * SAMPLES)
 
 
 def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:

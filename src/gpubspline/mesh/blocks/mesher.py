@@ -1,5 +1,6 @@
 """All-hexahedral meshes of any topology by threshold or mask: ``method="blocks"``."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,14 +12,15 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
-from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet, bulged, level_set
-from gpubspline.mesh.blocks.pillow import Pillowed, pillow
+from gpubspline.mesh.blocks.labelled import assign, check_parts, costs, element_sets, hold, level_volumes, node_sets
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, level_set, part_of
+from gpubspline.mesh.blocks.pillow import Owners, pillow
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
-from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.improve import POOR, Effort, improve
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import FREE, movable, put_level
+from gpubspline.mesh.movable import movable, put_level
 
 ATTEMPTS = 4
 """Most places of the lattice that are tried."""
@@ -99,6 +101,7 @@ def blocks_mesh(
     size_mm: float,
     *,
     device: Device,
+    parts: Mapping[str, Region] | None = None,
     attempts: int = ATTEMPTS,
     rotation: NDArray[np.float64] | None = None,
     effort: Effort | None = None,
@@ -114,6 +117,8 @@ def blocks_mesh(
     region: mask and signed distance, of a CT or of a closed surface; where it meets the border of its grid, the
         outermost voxel centres bound it.
     size_mm: of an element.
+    parts: bodies that fill the region without overlap, by name. Their hexes share the nodes of the interface and are
+        element sets; the nodes between A and B are the set ``interface_A_B``.
     attempts: most places of the lattice that are tried.
     rotation: (3, 3), columns are the lattice's axes; None takes the patient's.
     effort: what is done to improve the hexes.
@@ -126,6 +131,8 @@ def blocks_mesh(
     ------
     InputError where nothing is as thick as an element; MeshError where no mesh without inverted hexes was found.
     """
+    parts = parts or {}
+    check_parts(region, parts)
     best: Blocks | None = None
     tried: list[Attempt] = []
     failure = MeshError(f"expected at least one attempt, got {attempts}")
@@ -133,7 +140,8 @@ def blocks_mesh(
         offset = _offset(number)
         level = level_set(region, size_mm, rotation=rotation, offset=offset, device=device)
         try:
-            made = mesh_level_set(level, device, effort)
+            within = {name: part_of(level, part, device=device) for name, part in parts.items()}
+            made = mesh_level_set(level, device, effort, within)
         except MeshError as error:
             failure = error
             continue
@@ -159,39 +167,60 @@ def _merit(made: Blocks) -> tuple[bool, float]:
     return euler["mesh"] == euler["region"], made.report.min_scaled_jacobian
 
 
-def mesh_level_set(level: LevelSet, device: Device, effort: Effort | None = None) -> Blocks:
+def mesh_level_set(
+    level: LevelSet, device: Device, effort: Effort | None = None, parts: Mapping[str, Field] | None = None
+) -> Blocks:
     """Mesh the inside of a level set on its own lattice.
+
+    Arguments
+    ---------
+    parts: distance, in elements, of each of the bodies that fill the inside, sampled as the level set is.
 
     Raises
     ------
     InputError where no cell is inside; MeshError where a hex stays inverted.
     """
-    cells, flips = _core(level)
+    names, distances = tuple(parts or ()), list((parts or {}).values())
+    cells, flips = _core(level, distances)
     hexes = pillow(cells)
-    reached = within_reach(bulged(level.phi), cells)
-    on_device = put_level(reached, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
-    slack = np.where(np.arange(hexes.n_nodes) < hexes.n_core, FREE, 0.0)
-    nodes = movable(hexes.cells, hexes.n_nodes, slack, on_device, device)
-    best = improve(nodes, hexes.colours, start(hexes, nodes), slack, effort)
+    held = hold(hexes)
+    reached = within_reach(bulged(level.phi), cells > 0)
+    volumes = np.stack(level_volumes(reached, distances, held))
+    on_device = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
+    nodes = movable(hexes.cells, hexes.n_nodes, held.slack, on_device, device, levels=held.levels)
+    best = improve(nodes, hexes.colours, start(hexes, nodes), held.slack, effort)
     points = np.array(device.get(best.x)).reshape(3, -1).T
     if not best.least > 0:
         raise MeshError(_inverted(nodes.scaled_jacobian(best.x), points[hexes.cells], level))
+    outer = node_sets(hexes, names, held.pairs)
     report = BlocksReport(
         size_mm=level.size_mm,
         min_scaled_jacobian=best.least,
-        euler={"mesh": euler_characteristic(cells), "region": euler_characteristic(level.inside)},
+        euler={"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)},
         repaired_cells=flips,
-        off_surface_nodes=_off_surface(points[hexes.n_core :], reached, level.size_mm),
+        off_surface_nodes=_off_surface(points[outer["surface"]], reached, level.size_mm),
         lost_features=lost_features(level, reached),
         attempts=(),
     )
-    return Blocks(_mesh(hexes, points, level), level, report)
+    mesh = Mesh(
+        level.in_mm(points).astype(points.dtype),
+        "hex8",
+        connectivity=hexes.cells,
+        node_sets=outer,
+        element_sets={"body": np.arange(len(hexes.cells), dtype=np.int32), **element_sets(hexes, names)},
+    )
+    return Blocks(mesh, level, report)
 
 
-def _core(level: LevelSet) -> tuple[Cells, int]:
-    """Repaired core of one body, and how many cells the repair flipped."""
-    means = cell_means(level)
-    cells, flips, unsound = repair(core_cells(means), means)
+def _core(level: LevelSet, parts: list[Field]) -> tuple[Cells | Owners, int]:
+    """Repaired core, the body of each cell where there are several, and how many cells the repair changed."""
+    means = cell_means(level.phi)
+    cells: Cells | Owners
+    if parts:
+        within = np.stack([cell_means(part) for part in parts])
+        cells, flips, unsound = repair_owners(assign(core_cells(means), within), costs(means, within))
+    else:
+        cells, flips, unsound = repair(core_cells(means), means)
     if len(unsound):
         raise MeshError(
             f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places are left, the first at "
@@ -199,24 +228,14 @@ def _core(level: LevelSet) -> tuple[Cells, int]:
         )
     if not cells.any():
         raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
-    return largest_body(cells), flips
+    cells[~largest_body(cells > 0)] = 0
+    return cells, flips
 
 
 def _off_surface(points: NDArray[Any], reached: NDArray[np.float32], size_mm: float) -> dict[str, float]:
     off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
     far = off > ON_SURFACE
     return {"count": int(np.count_nonzero(far)), "max_mm": float(off[far].max(initial=0.0)) * size_mm}
-
-
-def _mesh(hexes: Pillowed, points: NDArray[Any], level: LevelSet) -> Mesh:
-    surface = np.arange(hexes.n_core, hexes.n_nodes, dtype=np.int32)
-    return Mesh(
-        level.in_mm(points).astype(points.dtype),
-        "hex8",
-        connectivity=hexes.cells,
-        node_sets={"surface": surface},
-        element_sets={"body": np.arange(len(hexes.cells), dtype=np.int32)},
-    )
 
 
 def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> str:

@@ -62,11 +62,7 @@ def _steps(bit: int) -> tuple[int, int, int]:
 
 
 def repair(cells: Cells, means: NDArray[np.float32]) -> tuple[Cells, int, NDArray[np.int64]]:
-    """Flip cells until every vertex is sound.
-
-    In each round the cells round unsound vertices are weighed by their distance from the surface for each vertex that
-    a flip would mend; those that weigh least within their 3 x 3 x 3 neighbourhood are flipped, so that no two flips of
-    a round touch.
+    """Flip cells until every vertex is sound: ``repair_owners`` of one body.
 
     Arguments
     ---------
@@ -77,22 +73,58 @@ def repair(cells: Cells, means: NDArray[np.float32]) -> tuple[Cells, int, NDArra
     -------
     cells; how many differ from those given; unsound vertices (n, 3) k, j, i that are left, none if all went well.
     """
-    given, cells = cells, cells.copy()
-    flips = np.zeros(cells.shape, dtype=np.uint8)
-    grid = np.full(cells.size, np.inf)
+    cost = np.abs(means)
+    owners, changed, unsound = repair_owners(cells.astype(np.int8), np.stack([cost, cost]))
+    return owners > 0, changed, unsound
+
+
+def repair_owners(
+    owners: NDArray[np.int8], costs: NDArray[np.float32]
+) -> tuple[NDArray[np.int8], int, NDArray[np.int64]]:
+    """Give cells to other bodies, or to the outside, until every vertex is sound for each body and for their union.
+
+    In each round the cells round unsound vertices are weighed by what they cost for each vertex that the change would
+    mend; those that weigh least within their 3 x 3 x 3 neighbourhood change, so that no two changes of a round touch.
+
+    Arguments
+    ---------
+    owners: (n_k, n_j, n_i) int8, 0 outside, bodies from 1; cells along the border stay outside.
+    costs: (1 + bodies, n_k, n_j, n_i) what it costs, in elements of distance, that a cell becomes outside or a body's.
+
+    Returns
+    -------
+    owners; how many differ from those given; vertices (n, 3) k, j, i that are left unsound, none if all went well.
+    """
+    given, owners = owners, owners.copy()
+    changes = np.zeros(owners.shape, dtype=np.uint8)
+    grid = np.full(owners.size, np.inf)
     for _ in range(ROUNDS):
-        found = patterns(cells)
-        unsound = np.stack(np.nonzero(~SOUND[found]), axis=1)
+        found = _patterns_of_all(owners, len(costs) - 1)
+        unsound = _unsound(found)
         if not len(unsound):
             break
-        candidates = _cells_round(unsound, cells.shape)
-        cost = _cost(cells, found, candidates, means, flips)
-        chosen = _independent(candidates, cost, cells.shape, grid)
+        candidates = _cells_round(unsound, owners.shape)
+        at = tuple(candidates.T)
+        cost, new = _cheapest(owners[at], found, candidates, costs[:, at[0], at[1], at[2]], changes[at])
+        chosen = _independent(candidates, cost, owners.shape, grid)
         at = tuple(candidates[chosen].T)
-        cells[at] = ~cells[at]
-        flips[at] += 1
-    unsound = np.stack(np.nonzero(~SOUND[patterns(cells)]), axis=1)
-    return cells, int(np.count_nonzero(cells != given)), unsound
+        owners[at] = new[chosen]
+        changes[at] += 1
+    unsound = _unsound(_patterns_of_all(owners, len(costs) - 1))
+    return owners, int(np.count_nonzero(owners != given)), unsound
+
+
+def _patterns_of_all(owners: NDArray[np.int8], bodies: int) -> list[NDArray[np.uint8]]:
+    """Patterns of the union of all bodies, then, where there are several, of each."""
+    several = range(1, bodies + 1) if bodies > 1 else ()
+    return [patterns(owners > 0), *(patterns(owners == body) for body in several)]
+
+
+def _unsound(found: list[NDArray[np.uint8]]) -> NDArray[np.int64]:
+    bad = ~SOUND[found[0]]
+    for more in found[1:]:
+        bad |= ~SOUND[more]
+    return np.stack(np.nonzero(bad), axis=1)
 
 
 def _cells_round(vertices: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int64]:
@@ -103,22 +135,35 @@ def _cells_round(vertices: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray
     return np.stack(np.unravel_index(flat, shape), axis=1)
 
 
-def _cost(
-    cells: Cells,
-    found: NDArray[np.uint8],
+def _cheapest(
+    own: NDArray[np.int8],
+    found: list[NDArray[np.uint8]],
     candidates: NDArray[np.int64],
-    means: NDArray[np.float32],
-    flips: NDArray[np.uint8],
-) -> NDArray[np.float64]:
-    """What a flip of each candidate costs, less where it mends more vertices than it breaks."""
+    costs: NDArray[np.float32],
+    changes: NDArray[np.uint8],
+) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """(c,) what the cheapest change of each candidate costs, and the owner it gives it to."""
+    gains = np.stack([_mended(pattern, candidates) for pattern in found])  # of the union, then of each body
+    weighed = np.full((len(costs), len(own)), np.inf)
+    for new in range(len(costs)):
+        mended = np.where((own == 0) != (new == 0), gains[0], 0)
+        for body in range(1, len(gains)):
+            mended += np.where((own == body) != (new == body), gains[body], 0)
+        moved = costs[new].astype(np.float64) + 0.05 + AGAIN * changes
+        worth = np.where(mended > 0, moved / np.maximum(mended, 1), 10.0 + moved * (1 - np.minimum(mended, 0)))
+        weighed[new] = np.where(own == new, np.inf, worth)
+    best = np.argmin(weighed, axis=0)
+    return weighed[best, np.arange(len(own))], best.astype(np.int8)
+
+
+def _mended(found: NDArray[np.uint8], candidates: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(c,) vertices that become sound where each candidate is flipped, less those that become unsound."""
     mended = np.zeros(len(candidates), dtype=np.int64)
     for bit in range(8):  # the cell has this bit at the vertex that lies the other way
         vertex = tuple((candidates + 1 - np.array(_steps(bit))).T)
         before = found[vertex]
         mended += SOUND[before ^ np.uint8(1 << bit)].astype(np.int64) - SOUND[before]
-    at = tuple(candidates.T)
-    moved = np.abs(means[at]).astype(np.float64) + 0.05 + AGAIN * flips[at]
-    return np.asarray(np.where(mended > 0, moved / np.maximum(mended, 1), 10.0 + moved * (1 - np.minimum(mended, 0))))
+    return mended
 
 
 def _independent(

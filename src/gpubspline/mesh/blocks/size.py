@@ -40,5 +40,5 @@ def _count(region: Region, size: float, device: Device) -> int:
         level = level_set(region, size, device=device)
     except InputError:
         return 0
-    means = cell_means(level)
+    means = cell_means(level.phi)
     return count_hexes(repair(core_cells(means), means)[0])

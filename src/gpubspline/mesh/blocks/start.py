@@ -30,7 +30,7 @@ def start(hexes: Pillowed, movable: Movable) -> Buffer:
         movable.slide(buffer)
         return np.asarray(np.array(device.get(buffer)).reshape(3, -1).T)
 
-    surface = averaging(hexes.quads - core, _SIDES, hexes.n_nodes - core)
+    surface = averaging(_held_alike(hexes) - core, ((0, 1),), hexes.n_nodes - core, both_ways=False)
     for _ in range(PULLS):
         x[core:] = 0.5 * (x[core:] + surface @ x[core:])
         x[core:] = 0.5 * (x[core:] + on_level()[core:])
@@ -41,10 +41,21 @@ def start(hexes: Pillowed, movable: Movable) -> Buffer:
     return device.put(np.ascontiguousarray(x.T))
 
 
-def averaging(cells: NDArray[np.int32], edges: tuple[tuple[int, int], ...], n: int) -> Any:
+def _held_alike(hexes: Pillowed) -> NDArray[np.int32]:
+    """(e, 2) surface edges from a node to one between the same bodies or more, or from one without such to itself."""
+    faces = np.concatenate([hexes.quads, hexes.interfaces])
+    ends = np.concatenate([faces[:, side] for side in _SIDES])
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    bodies = hexes.bodies[ends]
+    alike = ends[(bodies[:, 0] & ~bodies[:, 1]) == 0]
+    alone = np.setdiff1d(faces, alike[:, 0])
+    return np.concatenate([alike, np.stack([alone, alone], axis=1)])
+
+
+def averaging(cells: NDArray[np.int32], edges: tuple[tuple[int, int], ...], n: int, both_ways: bool = True) -> Any:
     """Sparse matrix (n, n) that takes nodal values to the mean over the nodes that are an edge away."""
     ends = np.concatenate([cells[:, edge] for edge in edges])
-    rows, columns = np.concatenate([ends, ends[:, ::-1]]).T
+    rows, columns = (np.concatenate([ends, ends[:, ::-1]]) if both_ways else ends).T
     matrix = csr_matrix((np.ones(len(rows), dtype=np.float32), (rows, columns)), shape=(n, n))
     counts = np.maximum(np.diff(matrix.indptr), 1)
     matrix.data = np.repeat((1 / counts).astype(np.float32), counts * (np.diff(matrix.indptr) > 0))
