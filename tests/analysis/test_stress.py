@@ -216,13 +216,13 @@ def test_the_greatest_mean_is_that_of_a_ball_away_from_supports_and_forces():
     how = {"averaged_mm": 0.2, "gripped": gripped, "away_mm": 0.31}
     found = recover(mesh, displacement, **how, centres_mm=centres).figures
     assert found.max_von_mises_mpa == pytest.approx(1.6, abs=0.01) and tuple(found.max_at_mm) == tuple(centres[1])
-    for words in ("mean of the von Mises stress, by volume, over balls of 0.2 mm", "0.31 mm", "less than 25%"):
+    for words in ("mean of the von Mises stress, by volume, over balls of 0.2 mm", "0.31 mm", "less than 25 %"):
         assert words in found.definition
     point = recover(mesh, displacement, gripped=gripped, away_mm=0.31).figures
     assert found.max_at_point_mpa == point.max_at_point_mpa == point.max_von_mises_mpa
     at_nodes = recover(mesh, displacement, **how).figures
     assert at_nodes.max_von_mises_mpa == pytest.approx(1.675, abs=0.01)  # the outermost nodes that count
-    with pytest.raises(InputError, match=r"balls of 0\.2 mm with 25% in the body, got none"):
+    with pytest.raises(InputError, match=r"balls of 0\.2 mm with 25 % in the body, got none"):
         recover(mesh, displacement, **how, centres_mm=centres[3:])
 
 

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 MAXIMUM_MEAN = (
     "greatest mean of the von Mises stress, by volume, over balls of {radius:.3g} mm about nodes further than "
-    "{away:.3g} mm from those that are held or carry a force, balls with less than {filled:.0%} in the body left out"
+    "{away:.3g} mm from those that are held or carry a force, balls with less than {filled:.0f} % in the body left out"
 )
 """What ``max_von_mises_mpa`` is where the load case says what stress is averaged over."""
 
@@ -221,9 +221,9 @@ def _greatest_mean(
     place = int(means.argmax())
     if means[place] < 0:
         raise InputError(
-            f"expected balls of {mean.radius_mm:g} mm with {FILLED:.0%} in the body, got none to average in"
+            f"expected balls of {mean.radius_mm:g} mm with {100 * FILLED:.0f} % in the body, got none to average in"
         )
-    words = MAXIMUM_MEAN.format(radius=mean.radius_mm, away=away_mm if len(held) else 0.0, filled=FILLED)
+    words = MAXIMUM_MEAN.format(radius=mean.radius_mm, away=away_mm if len(held) else 0.0, filled=100 * FILLED)
     return float(means[place]), centres[place].astype(np.float64), words
 
 

@@ -144,6 +144,7 @@ def _solved(
         how: dict[str, Any] = {"modulus": study.modulus, "tolerance": study.tolerance, "body": body}
         how["formulation"] = study.formulation if mesh.element_type == "hex8" else "full"
         response = respond(mesh, study.case, device, within, **how)
+    clock.tell(elements)
     seconds = time.perf_counter() - start
     figures = {"samples": list(counts), "seconds": seconds, "peak_memory_mb": memory.peak_mb}
     return response.figures() | figures

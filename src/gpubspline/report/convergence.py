@@ -10,7 +10,7 @@ from gpubspline.report.sheet import FAINT, INK, check_png, save
 
 LINES = {
     "max_von_mises_mpa": ("maximum von Mises stress", "#1f5fa8", "o", 2.2),
-    "p99_von_mises_mpa": ("its 99th percentile", "#8a5fb0", "s", 1.2),
+    "p99_von_mises_mpa": ("99th percentile of it", "#8a5fb0", "s", 1.2),
     "max_displacement_mm": ("greatest displacement", "#2c8a6b", "^", 1.2),
     "strain_energy_nmm": ("strain energy", "#c77d1e", "D", 1.2),
 }

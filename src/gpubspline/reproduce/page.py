@@ -43,14 +43,14 @@ def _body(numbers: dict[str, Any], folder: Path) -> Iterator[str]:
     found = numbers["figures"]
     yield f"<h1>{TITLE}</h1>"
     yield (
-        f"<p>Source: {escape(PAPER)}. Its scans are not public; here the same method runs on analytic phantoms of as "
-        "many slices: an anatomy of the same kind, not the same patient. Numbers are therefore to be met or beaten "
-        "where they judge the method, and to be of the same kind where they tell of the patient.</p>"
+        f"<p>Source: {escape(PAPER)}. Its scans do not come with this package; here the same method runs on analytic "
+        "phantoms of as many slices: an anatomy of the same kind, not the same patient. Numbers are therefore to be "
+        "met or beaten where they judge the method, and to be of the same kind where they tell of the patient.</p>"
     )
     yield f'<p class="faint">gpubspline {escape(numbers["version"])}, {escape(numbers["device"])}.</p>'
     shown = [figure for figure in FIGURES if figure.name in found]
     links = [(figure.name, f"Fig. {figure.number}") for figure in shown] + [(STUDY, "Fig. 13")] * (STUDY in found)
-    yield "<nav>" + "".join(f'<a href="#{name}">{words}</a>' for name, words in links) + "</nav>"
+    yield "<nav>" + " ".join(f'<a href="#{name}">{words}</a>' for name, words in links) + "</nav>"
     yield from _table(found)
     for figure in shown:
         yield from _figure(figure, found[figure.name], folder)

@@ -102,6 +102,7 @@ def _make(figure: Figure, workshop: Workshop) -> None:
                 write_histogram(model.counted.quality, workshop.folder / file, heading)
         models = [workshop.figures(name) for name in figure.models]
         _keep(workshop.folder, figure.name, {"models": models, "pictures": files})
+        workshop.clock.tell("")
 
 
 def _study(workshop: Workshop) -> None:
