@@ -1,5 +1,6 @@
 """The flow, as code: files, volume, region, control lattice, hyperpatch, mesh, material, summary."""
 
+from dataclasses import replace
 from typing import Any
 
 from gpubspline.clock import Clock
@@ -7,7 +8,6 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.material.assign import assign
 from gpubspline.material.calibration import Calibrated
-from gpubspline.material.laws import Law
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.label_sets import with_label_sets
@@ -62,8 +62,9 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
     law, calibrated, alarms = None, None, None
     with clock.stage("material"):
         if "HU" in mesh.fields:
-            law, calibrated = calibrated_law(sampling, body)
+            sampling, calibrated = calibrate(sampling, body)
             volume, region = (None, None) if body is None else (body.volume, body.region if body.one_grid else None)
+            law = sampling.law
             mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
         if body is not None and body.labels is not None and body.whole is not None:
             mesh = with_label_sets(mesh, body.labels, body.whole, device)
@@ -81,19 +82,22 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
 
 def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
     """Sample a hyperpatch and map the material onto it, and no more: what a solve needs."""
-    law, _ = calibrated_law(sampling, body)
+    sampling, _ = calibrate(sampling, body)
     volume, region = (None, None) if body is None else (body.volume, body.region)
     nodes = sampling.nodes or patch.shape
     mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
-    return assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)[0]
+    return assign(mesh, sampling.law, sampling.mapping, volume=volume, region=region, device=device)[0]
 
 
-def calibrated_law(sampling: Sampling, body: Body | None) -> tuple[Law, Calibrated | None]:
-    """Carry out the calibration, where one is asked for, and give the law that takes its density."""
+def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrated | None]:
+    """Carry out the calibration, where one is asked for, and let the laws take its density."""
     if sampling.calibration is None:
-        return sampling.law, None
+        return sampling, None
     calibrated = sampling.calibration.carry_out(None if body is None else body.whole)
-    return sampling.law.calibrated(calibrated.relation), calibrated
+    law, mapping = sampling.law.calibrated(calibrated.relation), sampling.mapping
+    if mapping.transverse is not None:
+        mapping = replace(mapping, transverse=mapping.transverse.calibrated(calibrated.relation))
+    return replace(sampling, law=law, mapping=mapping, calibration=None), calibrated
 
 
 def summarise(
@@ -109,7 +113,7 @@ def summarise(
     """Collect the figures of a run; those that need the CT are None where the model came from a file."""
     body = fitted.body if fitted is not None else body
     known: dict[str, Any] = {"law": model.law, "policy": model.sampling.mapping.policy.get("policy", "clamp")}
-    known |= {"alarms": model.alarms, "calibrated": model.calibrated}
+    known |= {"alarms": model.alarms, "calibrated": model.calibrated, "transverse": model.sampling.mapping.transverse}
     if body is not None:
         flat = model.mesh.element.dimension == 2
         known["region_size"] = body.region.section_mm2 if flat else body.region.volume_mm3

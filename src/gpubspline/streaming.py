@@ -18,7 +18,7 @@ from gpubspline.mesh.distance import distances, flat_axes
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.slabs import SLAB_NODES, Slab, sample_slabs
 from gpubspline.mesh.tally import add, tally
-from gpubspline.pipeline import calibrated_law, sample_patch
+from gpubspline.pipeline import calibrate, sample_patch
 from gpubspline.recipe import Body, Model, Sampling
 from gpubspline.spline.hyperpatch import Hyperpatch
 
@@ -41,8 +41,9 @@ def stream_patch(
     """
     nodes = sampling.nodes or patch.shape
     seen = tuple(min(n, LOOKED_AT) for n in nodes)
-    law, calibrated = calibrated_law(sampling, body)
-    coarse = sample_patch(patch, replace(sampling, nodes=seen, law=law, calibration=None), device, Clock())
+    sampling, calibrated = calibrate(sampling, body)
+    law = sampling.law
+    coarse = sample_patch(patch, replace(sampling, nodes=seen), device, Clock())
     flat = None if body is None else flat_axes(coarse.mesh, body.region)
     parts, alarms, policy = [], [], sampling.mapping.policy
     types = {name: values.dtype for name, values in coarse.mesh.fields.items()}

@@ -19,6 +19,7 @@ from gpubspline.analysis.multilevel import multilevel
 from gpubspline.analysis.stiffness import Stiffness, stiffness
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError
+from gpubspline.material.orthotropy import without_orthotropy
 from gpubspline.mesh.mesh import Mesh
 
 LIMIT = 20_000
@@ -121,7 +122,9 @@ def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device:
         return multiply
     if mesh.element.order == 2:
         return corners(mesh, k, held, free, device).apply
-    grids = multilevel(mesh, held, device, k.modulus, k)
+    # of orthotropic elements the mean modulus preconditions
+    like = k if k.roots is None else None
+    grids = multilevel(without_orthotropy(mesh), held, device, k.modulus, like)
 
     def cycle(r: Buffer, out: Buffer) -> None:
         correction = grids.cycle(np.reshape(k.device.get(r), (3, -1))).astype(np.float64)

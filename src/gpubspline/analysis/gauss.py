@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gpubspline.analysis.moduli import MODULI, check_material, lame_moduli
 from gpubspline.analysis.stiffness import FORMULATIONS
 from gpubspline.errors import InputError
+from gpubspline.material.orthotropy import is_orthotropic, orthotropic
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
 
@@ -85,10 +86,25 @@ def gauss_stress(
     if formulation == "bbar":
         dilatation = strain[:3].sum(axis=0)
         strain[:3] += ((dilatation * volume).sum(axis=0) / volume.sum(axis=0) - dilatation) / 3
-    stress = 2 * shear * strain
-    stress[:3] += lame * strain[:3].sum(axis=0)
+    if is_orthotropic(mesh):
+        stress = _components(orthotropic(mesh, elements).stress(_tensors(strain)))
+    else:
+        stress = 2 * shear * strain
+        stress[:3] += lame * strain[:3].sum(axis=0)
     energy = (stress[:3] * strain[:3]).sum(axis=0) / 2 + (stress[3:] * strain[3:]).sum(axis=0)
     return GaussStress(strain, stress, energy, volume)
+
+
+def _tensors(components: Floats) -> Floats:
+    """Tensors (3, 3, ...) of six components (6, ...)."""
+    tensor = np.empty((3, 3, *components.shape[1:]))
+    for values, (row, column) in zip(components, COMPONENTS, strict=True):
+        tensor[row, column] = tensor[column, row] = values
+    return tensor
+
+
+def _components(tensor: Floats) -> Floats:
+    return np.stack([tensor[row, column] for row, column in COMPONENTS])
 
 
 def check_options(mesh: Mesh, modulus: str, formulation: str) -> None:

@@ -10,6 +10,7 @@ from scipy import sparse
 from gpubspline.analysis.moduli import MODULI, check_material, lame_moduli
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
+from gpubspline.material.orthotropy import is_orthotropic, orthotropic
 from gpubspline.mesh.mesh import Mesh
 
 FORMULATIONS = ("full", "incompatible", "bbar")
@@ -36,6 +37,8 @@ class Stiffness:
     weights: (g,) of the Gauss points.
     lame: Lame's lambda and mu, MPa, (g, m) each.
     inverse_modes: (9, 9, m) of the incompatible modes, else of no meaning.
+    roots: (6, m) of orthotropic elements and Lame's moduli (m) of a modulus of 1 (``material/orthotropy.py``), else
+        None; ``lame`` is then that of the mean modulus, which preconditions.
     start, slots: (n + 1,) and (k m,) where the elements of each node keep their forces on it.
     forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
     """
@@ -56,6 +59,7 @@ class Stiffness:
     slots: Buffer
     forces: Buffer
     fluxes: Buffer
+    roots: tuple[Buffer, Buffer, Buffer] | None = None
 
     @property
     def n_points(self) -> int:
@@ -69,7 +73,7 @@ class Stiffness:
 
     def element_forces(self, displacement: Buffer) -> None:
         """Write what each element gives its nodes, N, into ``forces`` (3, k, m)."""
-        if self.n_vertices == 8:
+        if self.n_vertices == 8 and self.roots is None:
             self._hex8_forces(displacement)
         else:
             self._fluxes(displacement)
@@ -81,8 +85,9 @@ class Stiffness:
 
     def _fluxes(self, displacement: Buffer) -> None:
         where = (self.points, displacement, self.n_nodes, self.nodes, self.n_vertices, self.n_elements)
-        how = (self.slopes, self.weights, self.n_points, *self.lame, self.fluxes)
-        self.device.launch("elasticity.fluxes", self.n_elements, *where, *how)
+        kernel = "elasticity.fluxes" if self.roots is None else "orthotropic.fluxes"
+        how = (self.slopes, self.weights, self.n_points, *(self.roots or self.lame), self.fluxes)
+        self.device.launch(kernel, self.n_elements, *where, *how)
         counts = (self.n_points, self.n_vertices, self.n_elements)
         launched = (self.n_vertices, self.n_elements)
         self.device.launch("elasticity.flux_forces", launched, self.fluxes, self.slopes, *counts, self.forces)
@@ -127,7 +132,7 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
     _check_jacobians(mesh, device, points, nodes, slopes, len(weights))
     lame = [device.put(values) for values in lame_moduli(mesh, cells, element.shape(at), modulus)]
     start, slots = _slots(cells, mesh.n_nodes)
-    modes = device.empty(1)
+    modes, roots = device.empty(1), _roots(mesh, device)
     if formulation == "incompatible":
         modes = _inverse_modes(device, points, mesh.n_nodes, nodes, mesh.n_elements, lame)
     return Stiffness(
@@ -146,8 +151,19 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         start=device.put(start),
         slots=device.put(slots),
         forces=device.empty(3 * cells.size),
-        fluxes=device.empty(1 if element.n_nodes == 8 else 9 * len(weights) * mesh.n_elements),
+        fluxes=device.empty(1 if element.n_nodes == 8 and roots is None else 9 * len(weights) * mesh.n_elements),
+        roots=roots,
     )
+
+
+def _roots(mesh: Mesh, device: Device) -> tuple[Buffer, Buffer, Buffer] | None:
+    if not is_orthotropic(mesh):
+        return None
+    material = orthotropic(mesh)
+    q = material.roots
+    planes = np.stack([q[0, 0], q[1, 1], q[2, 2], q[1, 2], q[0, 2], q[0, 1]])
+    lame, shear = material.unit_lame
+    return device.put(np.ascontiguousarray(planes)), device.put(lame), device.put(shear)
 
 
 def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
@@ -160,6 +176,8 @@ def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
     if formulation != "full" and mesh.element_type != "hex8":
         raise InputError(f"expected hex8 for the formulation {formulation!r}, got {mesh.element_type}")
     check_material(mesh)
+    if formulation != "full" and is_orthotropic(mesh):
+        raise InputError(f"expected the formulation 'full' for orthotropic elements, got {formulation!r}")
     numbers = 24 if mesh.element.order == 1 else 9 * 27
     if numbers * mesh.n_elements >= 2**31:
         raise InputError(f"expected fewer elements than a 32-bit number counts, got {mesh.n_elements:,}")

@@ -2,13 +2,15 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gpubspline.analysis.law_comparison import LawOutcome
 from gpubspline.material.alarms import MASS_TOLERANCE
 from gpubspline.material.density import conversions
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import DEFAULT_LAW
+
+if TYPE_CHECKING:  # the analysis is not loaded to list laws
+    from gpubspline.analysis.law_comparison import LawOutcome
 
 _UNDER = 11 * " "
 
@@ -67,11 +69,18 @@ def material_lines(figures: dict[str, Any]) -> list[str]:
         return ["material   none: no CT was given (--ct)"]
     lines = [f"material   HU {hu['min']:.0f} to {hu['max']:.0f}, E {modulus['min']:.0f} to {modulus['max']:.0f} MPa"]
     lines += _calibration_lines(figures["calibration"]) if figures["calibration"] else []
+    across = figures["transverse_law"]
+    if across is not None:
+        lines.append(f"orthotropic along w by the law {law['name']}, across it by {across['name']}")
     lines += _alarm_lines(alarms, law)
-    if law["unconfirmed"]:
-        text = f"unconfirmed of the law {law['name']}: " + "; ".join(law["unconfirmed"])
-        lines += textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
-    return lines
+    for each in filter(None, (law, across)):
+        if each["unconfirmed"]:
+            lines += _wrapped(f"unconfirmed of the law {each['name']}: " + "; ".join(each["unconfirmed"]))
+    return lines + (_wrapped(f"unconfirmed of the {across['orthotropy_unconfirmed']}") if across else [])
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
 
 
 def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
@@ -117,7 +126,7 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
     return [*lines, line] if line else lines
 
 
-def comparison_lines(outcomes: Sequence[LawOutcome]) -> list[str]:
+def comparison_lines(outcomes: "Sequence[LawOutcome]") -> list[str]:
     """The laws on one model, from the softest, each beside the default."""
     solved = all(each.stiffness_n_mm is not None for each in outcomes)
     ordered = sorted(outcomes, key=_stiffness)
@@ -132,6 +141,6 @@ def comparison_lines(outcomes: Sequence[LawOutcome]) -> list[str]:
     return lines
 
 
-def _stiffness(outcome: LawOutcome) -> float:
+def _stiffness(outcome: "LawOutcome") -> float:
     """Stiffness of the model, or its mean modulus where it was not solved."""
     return outcome.mean_modulus_mpa if outcome.stiffness_n_mm is None else outcome.stiffness_n_mm

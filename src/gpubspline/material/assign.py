@@ -16,6 +16,7 @@ from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
 from gpubspline.material.mapping import LawOnDevice, Material, apply_material, law_on_device
+from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.registry import law as find_law
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quadrature import integral
@@ -36,6 +37,8 @@ class Mapping:
         where it lies.
     points: quadrature points per direction of ``element-hu`` and ``element-e``; chosen by the size of elements and
         voxels where None.
+    transverse: law of the modulus across the elements' w, where the other is that along it; makes them orthotropic
+        (``orthotropy.py``) with ``element-hu`` or ``element-e``.
     policy: keywords of ``map_material``: ``policy``, ``floor_modulus_mpa``, ``floor_poisson``.
 
     Raises
@@ -46,6 +49,7 @@ class Mapping:
     how: str = "nodal"
     surface_depth_mm: float | None = None
     points: int | None = None
+    transverse: Law | None = None
     policy: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -60,6 +64,8 @@ class Mapping:
             raise InputError(
                 f"expected quadrature points for element-hu or element-e alone, got the mapping {self.how}"
             )
+        if self.transverse is not None and not self.how.startswith("element"):
+            raise InputError(f"expected a transverse law with element-hu or element-e, got the mapping {self.how}")
 
 
 def assign(
@@ -87,7 +93,8 @@ def assign(
     The mesh with more fields, and the alarms. ``nodal`` adds the nodal fields ``density_g_cm3``, ``E_MPa`` and ``nu``;
     the others add element fields of the same names and ``HU``, of means over the elements. ``gauss`` adds element
     fields at the Gauss points, too: ``E_MPa_1`` to ``E_MPa_8`` (27 of order 2), ``nu_1`` and ``density_g_cm3_1`` and
-    on, numbered as ``Element.gauss`` has the points, w fastest. Each adds the element field ``material``: 1 + the index
+    on, numbered as ``Element.gauss`` has the points, w fastest. With a transverse law ``E_MPa`` is the mean of the
+    three moduli, beside the fields of ``orthotropy.py``. Each adds the element field ``material``: 1 + the index
     of the law's piece of the mean HU, the nearest where no piece holds it, or 0 there under the policy ``floor``.
 
     Raises
@@ -161,16 +168,14 @@ def _elements(
         deep = inset(region, mapping.surface_depth_mm, mesh.points, device)
     spacing = None if volume is None else volume.spacing_mm
     gauss = mapping.how == "gauss"
-    made = integrate(
-        mesh,
-        there,
-        order="element-hu" if mapping.how == "element-hu" else "element-e",
-        sampler=None if volume is None else hu_sampler(volume, mesh.points, device),
-        inset=deep,
-        points=mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
-        keep_gauss=gauss,
-        device=device,
-    )
+    how: dict[str, Any] = {
+        "order": "element-hu" if mapping.how == "element-hu" else "element-e",
+        "sampler": None if volume is None else hu_sampler(volume, mesh.points, device),
+        "inset": deep,
+        "points": mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
+        "device": device,
+    }
+    made = integrate(mesh, there, keep_gauss=gauss, **how)
     policy = mapping.policy.get("policy", "clamp")
     if policy == "error":
         _refuse_outside(made, law, mapping.how)
@@ -188,7 +193,11 @@ def _elements(
         mass_mesh_g=made.mass_g if mesh.element.dimension == 3 else None,
         order_difference=made.order_difference,
     )
-    return mesh.with_cell_fields(fields), alarms
+    mapped = mesh.with_cell_fields(fields)
+    if mapping.transverse is not None:
+        across = integrate(mesh, law_on_device(mapping.transverse, device, **mapping.policy), **how)
+        mapped = with_orthotropy(mapped, made.modulus_mpa, across.modulus_mpa, made.poisson)
+    return mapped, alarms
 
 
 def _refuse_outside(made: ElementMaterial, law: Law, how: str) -> None:

@@ -12,9 +12,12 @@ from gpubspline.files import whole_file
 from gpubspline.material.alarms import Alarms
 from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
+from gpubspline.material.orthotropy import UNCONFIRMED
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.tally import Spread, Tally
 from gpubspline.mesh.validity import Certificate
+
+_HUBER = {"orthotropy_unconfirmed": UNCONFIRMED}
 
 
 def summary(
@@ -26,6 +29,7 @@ def summary(
     policy: str | None = None,
     alarms: Alarms | None = None,
     calibrated: Calibrated | None = None,
+    transverse: Law | None = None,
     region_size: float | None = None,
     threshold_hu: float | None = None,
     fit: str | None = None,
@@ -42,6 +46,7 @@ def summary(
     law, policy: of the material, and for HU outside it.
     alarms: counts of its mapping.
     calibrated: the calibration that the law's density comes from.
+    transverse: law across the axis of orthotropic elements.
     region_size: volume of the region, mm3, or the area, mm2, of its section that a quad mesh fills.
     threshold_hu: what separated the region.
     fit, fit_error_mm, fit_error_hu: how the control points were made, and the patch's distance from the data.
@@ -75,6 +80,7 @@ def summary(
         "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
         "out_of_range_nodes": counted.out_of_range,
         "law": None if law is None else describe_law(law, policy),
+        "transverse_law": None if transverse is None else describe_law(transverse, policy) | _HUBER,
         "alarms": None if alarms is None else alarms.to_dict(),
         "calibration": None if calibrated is None else calibrated.to_dict(),
         "threshold_hu": threshold_hu,

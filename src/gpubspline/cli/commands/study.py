@@ -73,13 +73,13 @@ def _report(
     """Write the page: the table and curves of the study, and its finest mesh."""
     from gpubspline.cli import describe
     from gpubspline.mesh.quality import assess
-    from gpubspline.pipeline import calibrated_law
+    from gpubspline.pipeline import calibrate
     from gpubspline.report.page.study import study_parts
 
     judged, quality = assess(finest, device)
     figures = {key: value for key, value in found.to_dict().items() if key not in ("models", "limits")}
     figures |= {"backend": device.backend, "device": device.label}
-    known: dict[str, Any] = {"quality": quality, "laws": [calibrated_law(sampling, body)[0]]} | study_parts(found)
+    known: dict[str, Any] = {"quality": quality, "laws": [calibrate(sampling, body)[0].law]} | study_parts(found)
     case = found.models[-1]["load_case"]
     title = f"{case['title'] or case['name']}: {len(found.models)} meshes, the finest of {describe.kind(judged)}"
     volume = None if body is None else body.volume

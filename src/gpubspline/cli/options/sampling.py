@@ -34,6 +34,10 @@ class SamplingOptions:
         str,
         option("Material", "law at nodes, Gauss points, or over elements", metavar="nodal|gauss|element-hu|element-e"),
     ] = "nodal"
+    transverse_law: Annotated[
+        str | None,
+        option("Material", "law across w: orthotropic elements, --law along w", metavar="NAME|FILE.toml"),
+    ] = None
     quadrature: Annotated[
         int | None, option("Material", "points per direction of element-* (default: by the voxels)", metavar="N")
     ] = None
@@ -56,7 +60,8 @@ class SamplingOptions:
         if self.floor_modulus is not None:
             policy["floor_modulus_mpa"] = self.floor_modulus
         counts = integers(self.nodes, "nodes", (2, 3, 4))
-        mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, policy)
+        across = None if self.transverse_law is None else find_law(self.transverse_law)
+        mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, across, policy)
         calibration = None if self.calibration is None else read_calibration(self.calibration)
         law = find_law(self.law or DEFAULT_LAW)
         return Sampling(law, counts, self.order, self.element, mapping, calibration)
