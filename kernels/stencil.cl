@@ -62,11 +62,11 @@ void defect(__global const real *stencil, __global const real *b, __global const
     }
 }
 
-// A step of Chebyshev's iteration: d = keep d + step B (b - S x), B the inverse (6, n) of the nodes' own blocks. Where
+// A step of Richardson's iteration: out = keep x + step B (b - S x), B the inverse (6, n) of the nodes' own blocks. Where
 // `still` is 1, x is 0.
 __kernel __attribute__((vec_type_hint(realv)))
 void smooth(__global const real *stencil, __global const real *inverse, __global const real *b, __global const real *x,
-            int still, real keep, real step, int n_u, int n_v, int n, int pad, __global real *d)
+            int still, real keep, real step, int n_u, int n_v, int n, int pad, __global real *out)
 {
     size_t pitch = n + pad;
     FOR_LANES(i, n) {
@@ -82,7 +82,7 @@ void smooth(__global const real *stencil, __global const real *inverse, __global
         z[2] = xz * y[0] + yz * y[1] + load(inverse, 2 * (size_t)n + i) * y[2];
         for (int c = 0; c < 3; c++) {
             size_t at = pad + c * pitch + i;
-            store(keep == 0 ? step * z[c] : keep * load(d, at) + step * z[c], d, at, n - i);
+            store(still ? step * z[c] : keep * load(x, at) + step * z[c], out, at, n - i);
         }
     }
 }

@@ -117,16 +117,16 @@ def smooth(
     n_v: wp.int32,
     n: wp.int32,
     pad: wp.int32,
-    d: wp.array(dtype=Any),
+    out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """A step of Chebyshev's iteration: d = keep d + step B (b - S x).
+    """A step of Richardson's iteration: out = keep x + step B (b - S x).
 
     B is the inverse (6, n) of the nodes' own blocks. Where ``still`` is 1, x is 0.
     """
     i = wp.tid() + first
     pitch = n + pad
-    none = d.dtype(0.0)
+    none = out.dtype(0.0)
     y = wp.vector(none, none, none)
     if still == 0:
         y = product(i, stencil, x, n_u, n_v, n, pad)
@@ -143,10 +143,10 @@ def smooth(
     )
     for c in range(3):
         at = pad + c * pitch + i
-        if keep == none:
-            d[at] = step * z[c]
+        if still == 1:
+            out[at] = step * z[c]
         else:
-            d[at] = keep * d[at] + step * z[c]
+            out[at] = keep * x[at] + step * z[c]
 
 
 @wp.kernel(enable_backward=False, module="unique")

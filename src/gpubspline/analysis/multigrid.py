@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from gpubspline.analysis.krylov import Vectors
 from gpubspline.analysis.stiffness import Stiffness
 from gpubspline.device import Buffer, Device
 
 SMOOTHINGS = 4
-"""Steps of Chebyshev's iteration before and after the coarse grid."""
+"""Steps of Chebyshev's iteration before and after the coarse grid, an even number."""
 DAMPED = 20.0
 """The ratio of eigenvalues over which they damp."""
 POWERS = 12
@@ -81,22 +82,22 @@ class Grid:
 
     @cached_property
     def vectors(self) -> tuple[Buffer, Buffer, Buffer, Buffer]:
-        """The right side b, the solution x, the step d and the defect r."""
+        """The right side b, the solution x, the next one d and the defect r."""
         b, x, d, r = (self.device.put(np.zeros(self.padded, self.device.real)) for _ in range(4))
         return b, x, d, r
 
     def smooth(self, still: bool) -> None:
-        """Chebyshev's iteration on x; where ``still``, from x = 0, whatever it was."""
+        """Chebyshev's iteration on x; where ``still``, from x = 0, whatever it was.
+
+        It is Richardson's with the inverse roots of Chebyshev's polynomial for steps, so few that their order does not
+        matter, and even in number: x and d change places at each.
+        """
         b, x, d, _ = self.vectors
-        high, low = self.largest, self.largest / DAMPED
-        middle, reach = (high + low) / 2, (high - low) / 2
-        keep, step, rho = 0.0, 1 / middle, reach / middle
+        middle, reach = self.largest * (1 + 1 / DAMPED) / 2, self.largest * (1 - 1 / DAMPED) / 2
         for number in range(SMOOTHINGS):
-            first = still and number == 0
-            self.step(b, x, d, keep, step, still=first)
-            self.device.launch("vectors.combine", self.padded, d, 1.0, 0.0 if first else 1.0, self.padded, x)
-            after = 1 / (2 * middle / reach - rho)
-            keep, step, rho = after * rho, 2 * after / reach, after
+            root = middle - reach * np.cos((2 * number + 1) * np.pi / (2 * SMOOTHINGS))
+            self.step(b, x, d, 1 / root, still=still and number == 0)
+            x, d = d, x
 
     def defect(self, b: Buffer, x: Buffer, r: Buffer) -> None:
         """R = b - S x."""
@@ -115,9 +116,9 @@ class Grid:
     def _planes(self, flat: NDArray[Any]) -> NDArray[Any]:
         return flat[self.pad :].reshape(3, self.n + self.pad)[:, : self.n]
 
-    def step(self, b: Buffer, x: Buffer, d: Buffer, keep: float, step: float, still: bool = False) -> None:
-        """d = keep d + step B (b - S x)."""
-        how = (int(still), keep, step, *self.counts[:2], self.n, self.pad, d)
+    def step(self, b: Buffer, x: Buffer, out: Buffer, step: float, keep: float = 1.0, still: bool = False) -> None:
+        """Out = keep x + step B (b - S x); where ``still``, x is 0."""
+        how = (int(still), keep, float(step), *self.counts[:2], self.n, self.pad, out)
         self.device.launch("stencil.smooth", self.n, self.stencil, self.inverse, b, x, *how)
 
 
@@ -250,12 +251,12 @@ def _grid(device: Device, counts: Counts, stencil: Buffer, way: Transfer | None)
 def _largest(grid: Grid) -> float:
     """The largest eigenvalue of B S, by powers."""
     nothing, x, d, _ = grid.vectors
-    values, size = np.random.default_rng(0).standard_normal((3, grid.n)), 1.0
+    vectors, size = Vectors(grid.device, grid.padded), 1.0
+    grid.write(x, np.random.default_rng(0).standard_normal((3, grid.n)))
     for _ in range(POWERS):
-        grid.write(x, values / np.linalg.norm(values))
-        grid.step(nothing, x, d, 0.0, -1.0)
-        values = np.array(grid.read(d), dtype=np.float64)
-        size = float(np.linalg.norm(values))
+        vectors.combine(x, 1 / np.sqrt(vectors.dot(x, x)), 0.0, d)
+        grid.step(nothing, d, x, -1.0, keep=0.0)
+        size = float(np.sqrt(vectors.dot(x, x)))
     return MARGIN * size
 
 
