@@ -78,6 +78,18 @@ def test_report_of_a_mesh_file(run: Command, femur: Path, tmp_path: Path) -> Non
     assert run("quality", tmp_path / "m.vtu", "--report", tmp_path / "m.vtu")[0] == 2
 
 
+def test_report_of_an_optimized_mesh(run: Command, femur: Path, tmp_path: Path) -> None:
+    assert run("mesh", femur, *FEMUR, "--allow-gaps", "-o", tmp_path / "m.vtu")[0] == 0
+    words = ["optimize", tmp_path / "m.vtu", "-o", tmp_path / "o.vtu", "--report", tmp_path / "o.html"]
+    status, out, _ = run(*words, "--summary", tmp_path / "o.json")
+    assert status == 0 and "o.html" in out
+    text = (tmp_path / "o.html").read_text(encoding="utf-8")
+    row = re.search(r"<td>least scaled Jacobian</td><td>([\d.]+)</td><td>([\d.]+)</td>", text)
+    assert row and 0 < float(row[1]) < float(row[2])
+    after = json.loads((tmp_path / "o.json").read_text(encoding="utf-8"))["scaled_jacobian"]["min"]
+    assert float(row[2]) == pytest.approx(after, abs=1e-4) and "Optimized: 832 hex8" in text
+
+
 def test_report_of_a_study(run: Command, femur: Path, tmp_path: Path) -> None:
     given = ["--allow-gaps", "--control", "9,9,14", "--load", "stance", "--nodes-list", "5x5x8 6x6x9 7x7x10"]
     assert run("study", femur, *given, "-o", tmp_path / "study", "--report", tmp_path / "s.html")[0] == 0

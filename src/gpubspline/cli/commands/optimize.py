@@ -6,17 +6,19 @@ from typing import Annotated
 import typer
 
 from gpubspline.cli.app import app
-from gpubspline.cli.options import RunOptions, flattened
+from gpubspline.cli.options import ReportOptions, RunOptions, flattened
 from gpubspline.files import check_apart, check_writable
 
 
 @app.command()
 @flattened
 def optimize(
+    context: typer.Context,
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file of hex8, such as .vtu", show_default=False)],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="mesh or deck, by extension", show_default=False)
     ],
+    page: ReportOptions,
     run: RunOptions,
     surface: Annotated[
         str, typer.Option(metavar="slide|stay", help="nodes of the surface go along it as it is, or do not move")
@@ -28,12 +30,14 @@ def optimize(
     from gpubspline.export import read_mesh, write
     from gpubspline.mesh.optimize import optimize as improved
     from gpubspline.mesh.quality import assess
+    from gpubspline.report.page.compared import compared
     from gpubspline.report.summary import write_summary
 
     written = [output, *([summary] if summary else [])]
     for path in written:
         check_writable(path)
     check_apart(written, [mesh])
+    page.check([mesh, *written])
     device = run.open()
     with run.clock() as clock:
         with clock.stage("read"):
@@ -43,14 +47,21 @@ def optimize(
             made, judged = assess(made, device)
         with clock.stage("write"):
             write(made, output)
-    if summary:
         figures = {**describe.quality_figures(made, judged, None), "optimized": report.to_dict()}
+        if page.report:
+            moved = (
+                f"Nodes went up to {report.farthest_mm:.3g} mm, the surface stayed within {report.boundary_mm:.2g} mm."
+            )
+            tables = [compared(assess(found, device)[1], judged, "Before and after", moved)]
+            title = f"Optimized: {describe.kind(made)}"
+            page.write(context, clock, title, made, figures, quality=judged, tables=tables)
+    if summary:
         write_summary(figures, summary)
     run.say(
         [
             *describe.quality_lines(made, judged),
             f"optimized  worst scaled Jacobian from {report.before:.3f} to {report.after:.3f}; nodes went up to "
             f"{report.farthest_mm:.3g} mm, the surface stayed within {report.boundary_mm:.2g} mm",
-            *describe.wrote(written),
+            *describe.wrote([*written, *page.paths]),
         ]
     )

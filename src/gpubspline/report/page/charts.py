@@ -58,7 +58,7 @@ def paper_chart(quality: Quality) -> str:
     left, right, step = 122.0, 300.0, 42.0
     parts = [f'<svg viewBox="0 0 420 {step * len(rows) + 34:g}" role="img" aria-label="beside the paper">']
     parts.append(
-        f'<text x="{left}" y="14" class="tick">above 0.5</text><text x="345" y="14" class="tick">below 0.1</text>'
+        f'<text x="{left}" y="14" class="tick">above 0.5</text><text x="362" y="14" class="tick">below 0.1</text>'
     )
     for number, (name, above, below) in enumerate(rows):
         y, kind = 26 + step * number, "own" if number == 0 else "paper"
@@ -68,7 +68,7 @@ def paper_chart(quality: Quality) -> str:
             f'<text x="{left - 8}" y="{y + 18:g}" class="tick end">{escape(name)}</text>'
             f'<rect class="{kind}" x="{left}" y="{y:g}" width="{wide:.1f}" height="26"/>'
             f'<text x="{left + wide + 5:.1f}" y="{y + 18:g}" class="tick">{percent(above / 100)}</text>'
-            f'<text x="345" y="{y + 18:g}" class="tick">{low}</text>'
+            f'<text x="362" y="{y + 18:g}" class="tick">{low}</text>'
         )
     return "".join([*parts, "</svg>"])
 

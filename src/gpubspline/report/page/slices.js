@@ -14,6 +14,7 @@ async function makeSlices(ct, body, outline) {
     const [canvas, slider, caption] = ["canvas", "input", "figcaption"].map((tag) => figure.appendChild(document.createElement(tag)));
     canvas.dataset.view = slider.dataset.view = view.name;
     Object.assign(slider, { type: "range", min: 0, max: ct.shape[view.across] - 1, value: bestSlice(body, index[view.across], ct.shape[view.across]) });
+    slider.hidden = ct.shape[view.across] === 1;
     slider.setAttribute("aria-label", `${view.name} slice`);
     trio.appendChild(figure);
     const draw = () => {
