@@ -46,6 +46,21 @@ def test_a_study_from_a_ct_and_again_from_its_folder(run: Command, scan: Path, t
     assert len(list((out / "models").iterdir())) == 4
 
 
+def test_a_mapping_that_reads_the_ct_is_not_taken_for_that_of_the_model_file(
+    run: Command, scan: Path, tmp_path: Path
+) -> None:
+    """Both have one hyperpatch; the CT's sharper cortex makes the stiffer bone."""
+    model, out = tmp_path / "model.npz", tmp_path / "out"
+    assert run("fit", scan, "--control", "9,11,20", "-o", model)[0] == 0
+    words = ("--load", "stance", "--nodes-list", "5x5x9 6x7x10", "--mapping", "gauss", "-o", out)
+    energies = []
+    for source in ((model,), (scan, "--control", "9,11,20")):
+        status, _, err = run("study", *source, *words)
+        assert (status, err) == (0, "")
+        energies.append(json.loads((out / "study.json").read_text())["models"][-1]["strain_energy_nmm"])
+    assert energies[1] < 0.8 * energies[0]
+
+
 WRONG = {
     "one mesh": (("--nodes-list", "5x5x9"), "two or more meshes such as '11x18x34 14x24x46' for --nodes-list"),
     "no numbers": (("--nodes-list", "5x5x9 5xax9"), "two or more meshes such as"),

@@ -157,6 +157,9 @@ def test_an_identity_is_of_all_that_a_patch_is(bar):
     weights = np.ones(bar.shape)
     others = [replace(bar, control=moved), replace(bar, weights=weights), replace(bar, channels=("T",))]
     assert len({same, identity(bar, "other"), *(identity(other, "law") for other in others)}) == 5
+    scan = np.arange(6, dtype=np.int16)
+    scans = [identity(bar, "law", arrays=[array]) for array in (scan, scan + 1, scan.reshape(2, 3))]
+    assert len({same, *scans}) == 4
 
 
 def row(elements, stress):

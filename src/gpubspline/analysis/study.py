@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpubspline.analysis.load_case import LoadCase
 from gpubspline.analysis.memory import PeakMemory
@@ -70,10 +71,10 @@ def growing(shape: Sequence[int], models: int = MODELS, growth: float = GROWTH) 
     return [(u, v, w) for u, v, w in dict.fromkeys(made)]
 
 
-def identity(patch: Hyperpatch, *settings: object) -> str:
-    """SHA-256 of a hyperpatch and of settings whose ``repr`` tells all of them."""
+def identity(patch: Hyperpatch, *settings: object, arrays: Sequence[NDArray[Any]] = ()) -> str:
+    """SHA-256 of a hyperpatch, of settings whose ``repr`` tells all of them, and of arrays such as those of a CT."""
     whole = hashlib.sha256(repr(settings).encode())
-    for part in (patch.control, *patch.knots, patch.weights):
+    for part in (patch.control, *patch.knots, patch.weights, *arrays):
         whole.update(repr(None if part is None else part.shape).encode())
         whole.update(b"" if part is None else np.ascontiguousarray(part).tobytes())
     whole.update(repr((patch.degrees, patch.channels)).encode())

@@ -37,7 +37,7 @@ def study(
 ) -> None:
     """Solve meshes of growing density of one body: what converges, to what, how fast. Run again, it goes on."""
     from gpubspline.analysis.convergence import converge
-    from gpubspline.analysis.study import run_study
+    from gpubspline.analysis.study import identity, run_study
     from gpubspline.cli import describe, describe_study
     from gpubspline.pipeline import sample_material
 
@@ -51,7 +51,8 @@ def study(
         def make(nodes: tuple[int, int, int]) -> Any:
             return sample_material(patch, replace(sampling, nodes=nodes), device, body)
 
-        made_from = repr((sampling, run.precision))
+        scan = () if body is None or body.volume is None else (body.volume.hu, body.volume.affine)
+        made_from = identity(patch, sampling, run.precision, arrays=scan)  # other mappings than nodal read the CT
         where: dict[str, Any] = {"folder": wanted.output, "device": device, "clock": clock, "made_from": made_from}
         found = converge(run_study(studied, patch, make, wanted.samples(patch.shape), **where))
         wanted.write(found, device)
