@@ -17,7 +17,12 @@ from gpubspline.mesh.mesh import Mesh
 
 OTHER = {e: (f.element_types, f.fields, f.cell_fields) for f in FORMATS for e in f.extensions}
 WHOLE = {extension: (MESHABLE, True, True) for extension in (".vtu", ".vtkhdf")}
-DECKS = {".msh": (MESHABLE, True, True), ".bdf": (("quad4", "quad8", "hex8", "hex20"), False, False)}
+DECKS = {
+    ".exo": (MESHABLE, True, True),
+    ".med": (("quad4", "quad8", "hex8", "hex20"), True, True),
+    ".msh": (MESHABLE, True, True),
+    ".bdf": (("quad4", "quad8", "hex8", "hex20"), False, False),
+}
 HELD = {**WHOLE, ".vts": (("quad4", "hex8"), True, True), **DECKS, **OTHER}
 CASES = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in kinds]
 REFUSED = [(extension, kind) for extension, (kinds, _, _) in HELD.items() for kind in MESHABLE if kind not in kinds]
@@ -75,6 +80,10 @@ def test_comes_back_as_it_went(extension, element_type, tmp_path):
         assert set(mesh.cell_fields) <= set(back.cell_fields)
         for name, values in mesh.cell_fields.items():
             np.testing.assert_allclose(back.cell_fields[name], values, rtol=1e-6)
+    if extension in (".exo", ".med", ".msh", ".vtu", ".vts", ".vtkhdf", ".xdmf"):
+        assert mesh.node_sets.keys() <= back.node_sets.keys()
+        for name, members in mesh.node_sets.items():
+            np.testing.assert_array_equal(back.node_sets[name], members)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
@@ -130,6 +139,19 @@ def test_vtk_and_we_read_sets_and_surfaces_as_field_data(extension, tmp_path):
     assert back.node_sets.keys() == mesh.node_sets.keys() and back.element_sets.keys() == {"head"}
     for name, members in mesh.node_sets.items():
         np.testing.assert_array_equal(back.node_sets[name], members)
+
+
+@pytest.mark.parametrize("extension", [".exo", ".med", ".inp"])
+def test_a_binned_deck_is_read_with_its_labels(extension, tmp_path):
+    """Blocks, families and sections part the elements; labels put them back."""
+    needs(extension)
+    mesh = model("hex8", (5, 4, 6))
+    mesh = replace(mesh, element_sets={"some": np.arange(3, 40, 4)})
+    write(mesh, tmp_path / f"model{extension}", modulus_bins=4)
+    back = read_mesh(tmp_path / f"model{extension}")
+    np.testing.assert_array_equal(back.element_sets["some"], mesh.element_sets["some"])
+    assert {"modulus_1", "modulus_4"} <= back.element_sets.keys()
+    np.testing.assert_array_equal(back.cells, mesh.cells)
 
 
 @pytest.mark.parametrize("element_type", MESHABLE)

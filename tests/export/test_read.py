@@ -60,7 +60,23 @@ def test_hexes_of_two_orders_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["a.vtu", "a.vts", "a.vtkhdf", "a.vtk", "a.msh", "a.inp", "a.xdmf", "a.ply", "a.dat", "a.nothing", "a"]
+    "name",
+    [
+        "a.vtu",
+        "a.vts",
+        "a.vtkhdf",
+        "a.vtk",
+        "a.msh",
+        "a.inp",
+        "a.xdmf",
+        "a.ply",
+        "a.dat",
+        "a.exo",
+        "a.med",
+        "a.feb",
+        "a.nothing",
+        "a",
+    ],
 )
 @pytest.mark.parametrize("content", [b"", b"no mesh at all\n", b"\x00\xff" * 100])
 def test_a_file_that_is_no_mesh_is_refused(name, content, tmp_path, capfd):

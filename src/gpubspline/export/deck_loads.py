@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gpubspline.analysis.load_case import Force, LoadCase, Pressure
 from gpubspline.analysis.loads import assemble, patient_axes
 from gpubspline.analysis.regions import Region, surfaces
+from gpubspline.errors import InputError
 from gpubspline.mesh.mesh import Mesh
 
 Floats = NDArray[np.float64]
@@ -104,6 +105,8 @@ def place_loads(case: LoadCase, mesh: Mesh) -> Placed:
     ------
     InputError where it does not fit; see ``analysis.loads.assemble``.
     """
+    if mesh.element.dimension != 3:
+        raise InputError(f"expected hexes to load, got {mesh.element_type}")
     axes = patient_axes(case.axes, mesh)
     at_gauss, at_nodes = surfaces(mesh, axes)
     outer = outer_faces(mesh)

@@ -8,7 +8,7 @@ Source: Schoof and Yarberry, EXODUS II: a finite element data model, SAND92-2137
 side numbers; vtkExodusIIReader for HEX27.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gpubspline.export.deck import Deck, Section
 from gpubspline.export.formats import Format
 from gpubspline.files import whole_file
+from gpubspline.mesh.mesh import Mesh
 
 ELEMENT_TYPES = {
     **{"quad4": "SHELL4", "quad8": "SHELL8", "quad9": "SHELL9"},
@@ -139,6 +140,93 @@ def _write_variables(file: Any, deck: Deck, blocks: Sequence[Section]) -> None:
             made[0] = values[section.members]
 
 
+def read(path: Path) -> Mesh | None:
+    """Read the hexes, or the quads, of a file in netCDF's classic forms; None where it is none of them.
+
+    Raises
+    ------
+    KeyError, ValueError or IndexError where the file is broken or has other elements.
+    """
+    from scipy.io import netcdf_file
+
+    with open(path, "rb") as stream:
+        if stream.read(3) != b"CDF":
+            return None
+    with netcdf_file(path, "r", mmap=False) as file:
+        blocks = [name for name in file.variables if name.startswith("connect")]
+        numbers = sorted(int(name.removeprefix("connect")) for name in blocks)
+        stacked = [file.variables[f"connect{number}"][:].astype(np.int64) - 1 for number in numbers]
+        kind = _kind(file.variables[f"connect{numbers[0]}"].elem_type.decode(), stacked[0].shape[1])
+        count = sum(map(len, stacked))
+        given = file.variables["elem_num_map"][:].astype(np.int64) - 1 if "elem_num_map" in file.variables else None
+        label = given if given is not None and np.array_equal(np.sort(given), np.arange(count)) else np.arange(count)
+        order = np.argsort(ORDER.get(kind, range(stacked[0].shape[1])))
+        cells = np.empty((count, order.size), dtype=np.int32)
+        cells[label] = np.concatenate(stacked)[:, order]
+        return Mesh(
+            _points(file),
+            kind,
+            connectivity=cells,
+            fields=_read_variables(file, "nod", lambda number: [f"vals_nod_var{number}"], None),
+            cell_fields=_read_variables(
+                file, "elem", lambda number: [f"vals_elem_var{number}eb{block}" for block in numbers], label
+            ),
+            node_sets=_read_sets(file, "ns", "node_ns", None),
+            element_sets=_read_sets(file, "els", "elem_els", label)
+            | _read_blocks(file, list(map(len, stacked)), label),
+        )
+
+
+def _kind(name: str, n_nodes: int) -> str:
+    solid = name.upper().startswith("HEX")
+    found = [each for each, ours in ELEMENT_TYPES.items() if ours.startswith("HEX") == solid]
+    sizes = {int("".join(filter(str.isdigit, each))): each for each in found}
+    if not solid and not name.upper().startswith(("SHELL", "QUAD")):
+        raise ValueError(f"elements of the type {name}")
+    return sizes[n_nodes]
+
+
+def _points(file: Any) -> NDArray[np.float64]:
+    if "coord" in file.variables:
+        return np.asarray(file.variables["coord"][:].T, dtype=np.float64)
+    planes = [np.asarray(file.variables[f"coord{axis}"][:], dtype=np.float64) for axis in "xyz"]
+    return np.stack(planes, axis=1)
+
+
+def _read_texts(file: Any, name: str) -> list[str]:
+    rows = file.variables[name][:] if name in file.variables else ()
+    return [b"".join(row).split(b"\0")[0].decode("ascii", "replace").strip() for row in rows]
+
+
+def _read_variables(
+    file: Any, kind: str, parts: Callable[[int], list[str]], label: NDArray[np.int64] | None
+) -> dict[str, NDArray[Any]]:
+    """Those of the last step that every block has."""
+    found = {}
+    for number, name in enumerate(_read_texts(file, f"name_{kind}_var"), start=1):
+        if all(part in file.variables for part in parts(number)):
+            values = np.concatenate([file.variables[part][-1] for part in parts(number)]).astype(np.float64)
+            found[name] = values if label is None else np.empty_like(values)
+            if label is not None:
+                found[name][label] = values
+    return found
+
+
+def _read_sets(file: Any, kind: str, array: str, label: NDArray[np.int64] | None) -> dict[str, NDArray[np.int32]]:
+    found = {}
+    for number, name in enumerate(_read_texts(file, f"{kind}_names"), start=1):
+        if f"{array}{number}" in file.variables:
+            members = file.variables[f"{array}{number}"][:].astype(np.int64) - 1
+            found[name or f"{kind}_{number}"] = (members if label is None else label[members]).astype(np.int32)
+    return found
+
+
+def _read_blocks(file: Any, sizes: list[int], label: NDArray[np.int64]) -> dict[str, NDArray[np.int32]]:
+    names, ends = _read_texts(file, "eb_names"), np.cumsum([0, *sizes])
+    each = zip(names, ends[:-1], ends[1:], strict=False)
+    return {name: label[first:last].astype(np.int32) for name, first, last in each if name}
+
+
 FORMATS = (
     Format(
         "exodus",
@@ -149,7 +237,6 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
-        readable=False,
         fields=True,
         cell_fields=True,
     ),

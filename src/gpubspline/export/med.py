@@ -21,6 +21,7 @@ from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
 from gpubspline.export.groups import Families, facets, families
 from gpubspline.files import whole_file
+from gpubspline.mesh.mesh import Mesh
 
 CELLS = {"quad4": "QU4", "quad8": "QU8", "hex8": "HE8", "hex20": "H20"}
 _HEX8 = (0, 3, 2, 1, 4, 7, 6, 5)
@@ -149,6 +150,64 @@ def _write_field(every: Any, name: str, where: str, values: NDArray[Any]) -> Non
     data.create_dataset("CO", data=values.astype(np.float64))
 
 
+def read(path: Path) -> Mesh:
+    """Read the hexes, or the quads, of the first mesh of a file, at its first step.
+
+    Raises
+    ------
+    KeyError, OSError or ValueError where the file is broken or has neither.
+    """
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        name, mesh = next(iter(file["ENS_MAA"].items()))
+        step = next(iter(mesh.values()))
+        kind = next(each for each in ("hex8", "hex20", "quad4", "quad8") if CELLS[each] in step["MAI"])
+        cells, nodes = step["MAI"][CELLS[kind]], step["NOE"]
+        n_nodes, n_cells = int(nodes["COO"].attrs["NBR"]), int(cells["NOD"].attrs["NBR"])
+        table = cells["NOD"][:].reshape(-1, n_cells).T - 1
+        order = np.argsort(ORDER.get(kind, range(table.shape[1])))
+        groups = _read_groups(file, name)
+        return Mesh(
+            nodes["COO"][:].reshape(-1, n_nodes).T,
+            kind,
+            connectivity=table[:, order],
+            fields=_read_fields(file, "NOE", n_nodes),
+            cell_fields=_read_fields(file, f"MAI.{CELLS[kind]}", n_cells),
+            node_sets=_members(nodes["FAM"][:], groups) if "FAM" in nodes else {},
+            element_sets=_members(cells["FAM"][:], groups) if "FAM" in cells else {},
+        )
+
+
+def _read_groups(file: Any, mesh: str) -> dict[int, list[str]]:
+    """Groups of each family by its number."""
+    found = {}
+    for place in file[f"FAS/{mesh}"].values():
+        for family in place.values():
+            if "GRO" in family:
+                rows = family["GRO"]["NOM"][:]
+                names = [bytes(row.astype(np.uint8)).split(b"\0")[0].decode("ascii", "replace") for row in rows]
+                found[int(family.attrs["NUM"])] = [name.strip() for name in names]
+    return found
+
+
+def _members(family: NDArray[Any], groups: dict[int, list[str]]) -> dict[str, NDArray[np.int32]]:
+    names = dict.fromkeys(name for number in np.unique(family) for name in groups.get(int(number), ()))
+    numbers = {name: [number for number, held in groups.items() if name in held] for name in names}
+    return {name: np.flatnonzero(np.isin(family, held)).astype(np.int32) for name, held in numbers.items()}
+
+
+def _read_fields(file: Any, where: str, count: int) -> dict[str, NDArray[Any]]:
+    """Fields of one component at the last step, on all nodes or elements."""
+    found: dict[str, NDArray[Any]] = {}
+    for name, field in file.get("CHA", {}).items():
+        step = field[list(field)[-1]]
+        values = next(iter(step[where].values()))["CO"][:] if where in step else np.empty(0)
+        if len(values) == count:
+            found[name.removesuffix("_of_elements")] = values
+    return found
+
+
 FORMATS = (
     Format(
         "med",
@@ -159,7 +218,6 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
-        readable=False,
         fields=True,
         cell_fields=True,
         needs="h5py",

@@ -3,6 +3,7 @@
 import struct
 import warnings
 import zlib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import GpubsplineWarning, InputError
-from gpubspline.export import vtkhdf
+from gpubspline.export import exodus, med, vtkhdf
+from gpubspline.export.formats import Format
 from gpubspline.export.quiet import quiet_meshio
 from gpubspline.export.read_appended import StoredGrid, read_appended
 from gpubspline.export.sets import ELEMENTS as ELEMENT_SET
@@ -45,7 +47,8 @@ def read_mesh(path: str | Path) -> Mesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"expected a mesh file, got {path}, which is no file")
-    mesh = _read_grid(path) if path.suffix.lower() in (".vts", ".vtu", ".vtkhdf") else None
+    extension = path.suffix.lower()
+    mesh = _read_grid(path) if extension in (".vts", ".vtu", ".vtkhdf") else _read_binary(path, extension)
     return _recognised(_read_by_meshio(path) if mesh is None else mesh)
 
 
@@ -55,6 +58,22 @@ def _recognised(mesh: Mesh) -> Mesh:
         return mesh
     counts = structure.recognise(mesh.element, mesh.connectivity, mesh.n_nodes)
     return mesh if counts is None else replace(mesh, structure=counts, connectivity=None)
+
+
+def _read_binary(path: Path, extension: str) -> Mesh | None:
+    """Mesh of an Exodus or a MED file, which meshio reads in another order; None where meshio is to try."""
+    readers: tuple[tuple[Format, Callable[[Path], Mesh | None]], ...] = (
+        (exodus.FORMATS[0], exodus.read),
+        (med.FORMATS[0], med.read),
+    )
+    for form, read in readers:
+        if extension in form.extensions:
+            form.check_needs(extension)
+            try:
+                return read(path)
+            except _BROKEN as error:
+                raise InputError(f"expected a whole mesh file, got {path.name}: {error}") from None
+    return None
 
 
 def _read_grid(path: Path) -> Mesh | None:
@@ -151,6 +170,8 @@ def _read(path: Path) -> Any:
         except (*_BROKEN, meshio.ReadError) as error:
             words = str(error).strip().splitlines()
             reason = words[0] if words and not isinstance(error, SystemExit) else type(error).__name__
+            if reason.startswith("Could not deduce"):
+                reason = f"no format that ends in {path.suffix or 'nothing'} is read"
     raise InputError(f"expected a mesh that meshio can read, got {path.name}: {reason}")
 
 
