@@ -15,6 +15,7 @@ from gpubspline.errors import MeshError as MeshError
 if TYPE_CHECKING:
     from gpubspline.analysis.convergence import converge as converge
     from gpubspline.analysis.elasticity import solve as solve
+    from gpubspline.analysis.law_comparison import compare_laws as compare_laws
     from gpubspline.analysis.load_case import load_case as load_case
     from gpubspline.analysis.load_case import load_cases as load_cases
     from gpubspline.analysis.loads import assemble as assemble
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from gpubspline.analysis.study import Study as Study
     from gpubspline.analysis.study import run_study as run_study
     from gpubspline.ct.image import read_volume as read_volume
+    from gpubspline.ct.masks import open_labels as open_labels
     from gpubspline.ct.masks import read_mask as read_mask
     from gpubspline.ct.phantom import phantom as phantom
     from gpubspline.ct.phantom_dicom import write_phantom as write_phantom
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
     from gpubspline.export import read_mesh as read_mesh
     from gpubspline.export import write as write
     from gpubspline.export.from_pyvista import from_pyvista as from_pyvista
+    from gpubspline.material.assign import Mapping as Mapping
+    from gpubspline.material.assign import assign as assign
+    from gpubspline.material.calibration_file import read_calibration as read_calibration
     from gpubspline.material.laws import Law as Law
     from gpubspline.material.mapping import apply_material as apply_material
     from gpubspline.material.registry import law as law
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     from gpubspline.mesh.butterfly.patches import butterfly as butterfly
     from gpubspline.mesh.butterfly.sample import sample_butterfly as sample_butterfly
     from gpubspline.mesh.distance import surface_distance as surface_distance
+    from gpubspline.mesh.label_sets import with_label_sets as with_label_sets
     from gpubspline.mesh.mesh import Mesh as Mesh
     from gpubspline.mesh.optimize import optimize as optimize
     from gpubspline.mesh.quality import Quality as Quality
@@ -73,12 +79,13 @@ if TYPE_CHECKING:
 _HOME = {
     "analysis.convergence": ("converge",),
     "analysis.elasticity": ("solve",),
+    "analysis.law_comparison": ("compare_laws",),
     "analysis.load_case": ("load_case", "load_cases"),
     "analysis.loads": ("assemble",),
     "analysis.response": ("respond",),
     "analysis.study": ("Study", "run_study"),
     "ct.image": ("read_volume",),
-    "ct.masks": ("read_mask",),
+    "ct.masks": ("open_labels", "read_mask"),
     "ct.phantom": ("phantom",),
     "ct.phantom_dicom": ("write_phantom",),
     "ct.region": ("Region", "otsu_threshold", "region_from_mask", "region_from_threshold"),
@@ -86,6 +93,8 @@ _HOME = {
     "device": ("list_devices", "open_device"),
     "export": ("read_mesh", "write"),
     "export.from_pyvista": ("from_pyvista",),
+    "material.assign": ("Mapping", "assign"),
+    "material.calibration_file": ("read_calibration",),
     "material.laws": ("Law",),
     "material.mapping": ("apply_material",),
     "material.registry": ("law", "laws"),
@@ -93,6 +102,7 @@ _HOME = {
     "mesh.butterfly.patches": ("butterfly",),
     "mesh.butterfly.sample": ("sample_butterfly",),
     "mesh.distance": ("surface_distance",),
+    "mesh.label_sets": ("with_label_sets",),
     "mesh.mesh": ("Mesh",),
     "mesh.optimize": ("optimize",),
     "mesh.quality": ("Quality", "assess", "scaled_jacobian"),

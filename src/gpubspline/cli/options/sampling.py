@@ -32,7 +32,11 @@ class SamplingOptions:
     floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor'", metavar="MPA")] = None
     mapping: Annotated[
         str,
-        option("Material", "law at nodes, Gauss points, or over elements", metavar="nodal|gauss|element-hu|element-e"),
+        option(
+            "Material",
+            "law at nodes or Gauss points (nodal, gauss), of an element's mean HU or its mean (element-hu, element-e)",
+            metavar="HOW",
+        ),
     ] = "nodal"
     transverse_law: Annotated[
         str | None,
