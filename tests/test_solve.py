@@ -145,6 +145,8 @@ BROKEN = {
     "empty": (PULL.replace("point_mm = [0, 0, 0], normal = [0, 0, -1]", "point_mm = [0, 0, -9], normal = [0, 0, -1]"),
               "the region 'foot' to catch a part of the surface"),
     "floating": (PULL.replace('"z"', '"x"'), "supports that hold the mesh"),
+    "free": (PULL.replace("[[fixed]]", "[[pressure]]").replace('components = "', 'pressure_mpa = 1 #'), "one support"),
+    "broken": (PULL + "[", "expected TOML"),
     "side": (PULL.replace('region = "end"', 'region = "top"'), "one of surface, u0, u1, v0, v1, w0, w1, got 'top'"),
 }  # fmt: skip
 
@@ -171,6 +173,7 @@ def refused(result: tuple[int, str, str], message: str, folder: Path) -> None:
 MATERIALS = {
     "none": ({}, "E_MPa and nu"),
     "zero": ({"E_MPa": 0.0, "nu": 0.3}, "positive moduli"),
+    "negative": ({"E_MPa": -5.0, "nu": 0.3}, "positive moduli, got a least of -5 MPa"),
     "incompressible": ({"E_MPa": 1.0, "nu": 0.5}, "below 0.5"),
 }
 
