@@ -7,6 +7,7 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import DeckOptions, RunOptions, flattened
+from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
 
 
@@ -16,14 +17,19 @@ def export(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file, such as .vtu", show_default=False)],
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="mesh or deck, by extension (docs/formats.md)", show_default=False
+        option(
+            "Output",
+            "mesh or deck, by extension (docs/formats.md)",
+            "--output",
+            "-o",
+            metavar="FILE",
+            show_default=False,
         ),
     ],
     deck: DeckOptions,
-    summary: Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")] = None,
-    thickness: Annotated[float, typer.Option(metavar="MM", help="of quads, which are shells in decks")] = 1.0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="print warnings and errors only")] = False,
+    summary: Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")] = None,
+    thickness: Annotated[float, option("Deck", "of quads, which are shells in decks", metavar="MM")] = 1.0,
+    quiet: Annotated[bool, option("Run", "print warnings and errors only", "--quiet", "-q")] = False,
 ) -> None:
     """Write a mesh file in another format, with a load case and in the units of a solver."""
     from gpubspline.cli import describe

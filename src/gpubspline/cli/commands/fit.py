@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from gpubspline.cli.app import app
 from gpubspline.cli.arguments import InputPaths
 from gpubspline.cli.options import ReadOptions, RegionOptions, RunOptions, SplineOptions, flattened
+from gpubspline.cli.options.groups import option
 
 ModelOutput = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="model file, .npz", show_default=False)
+    Path,
+    option("Output", "model file, .npz", "--output", "-o", metavar="FILE", show_default=False),
 ]
 
 

@@ -7,6 +7,7 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import RunOptions, flattened
+from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
 from gpubspline.files import check_apart, check_writable
 
@@ -21,9 +22,9 @@ def laws(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="modulus against HU and stiffness, .png"),
+        option("Output", "modulus against HU and stiffness, .png", "--output", "-o", metavar="FILE"),
     ] = None,
-    summary: Annotated[Path | None, typer.Option(metavar="FILE", help="figures of --compare, .json")] = None,
+    summary: Annotated[Path | None, option("Output", "figures of --compare, .json", metavar="FILE")] = None,
     stiffness: Annotated[bool, typer.Option(help="solve for the model's stiffness under each law")] = True,
 ) -> None:
     """List the material laws, or compare them on a model."""

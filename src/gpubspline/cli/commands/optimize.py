@@ -7,6 +7,7 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import ReportOptions, RunOptions, flattened
+from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
 
 
@@ -16,14 +17,16 @@ def optimize(
     context: typer.Context,
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file of hex8, such as .vtu", show_default=False)],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="mesh or deck, by extension", show_default=False)
+        Path,
+        option("Output", "mesh or deck, by extension", "--output", "-o", metavar="FILE", show_default=False),
     ],
     page: ReportOptions,
     run: RunOptions,
     surface: Annotated[
-        str, typer.Option(metavar="slide|stay", help="nodes of the surface go along it as it is, or do not move")
+        str,
+        option("Mesh", "nodes of the surface go along it as it is, or do not move", metavar="slide|stay"),
     ] = "slide",
-    summary: Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")] = None,
+    summary: Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")] = None,
 ) -> None:
     """Raise the worst scaled Jacobian of a mesh of hexes by moving its nodes."""
     from gpubspline.cli import describe

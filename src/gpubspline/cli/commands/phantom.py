@@ -7,7 +7,7 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import RunOptions
-from gpubspline.cli.options.groups import completion
+from gpubspline.cli.options.groups import completion, option
 
 PHANTOMS = "child-femur|adult-femur|head"
 
@@ -16,7 +16,7 @@ PHANTOMS = "child-femur|adult-femur|head"
 def phantom(
     name: Annotated[str, typer.Argument(metavar=PHANTOMS, show_default=False, autocompletion=completion(PHANTOMS))],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="new folder of the series", show_default=False)],
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="print errors only")] = False,
+    quiet: Annotated[bool, option("Run", "print errors only", "--quiet", "-q")] = False,
 ) -> None:
     """Write a DICOM CT series of an analytic body."""
     from gpubspline.ct.phantom_dicom import write_phantom

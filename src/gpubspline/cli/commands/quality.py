@@ -7,10 +7,11 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import ReportOptions, RunOptions, flattened
+from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
 
-SummaryOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="figures, .json")]
-HistogramOutput = Annotated[Path | None, typer.Option(metavar="FILE", help="scaled Jacobians, .png")]
+SummaryOutput = Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")]
+HistogramOutput = Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")]
 
 
 @app.command()

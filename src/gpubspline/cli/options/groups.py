@@ -8,6 +8,12 @@ from typing import Any, get_type_hints
 
 import typer
 
+PANELS = (
+    *("Input", "Region", "Mesh", "Spline", "Material", "Load", "Solve", "Picture"),
+    *("Output", "Deck", "Run"),
+)
+"""Panels of the help, in the order in which a person thinks: what, which part, how, and where to."""
+
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
     """Let a command take groups of options as dataclasses: Typer sees the fields, the command sees the groups."""
@@ -28,9 +34,17 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
         command(**given, **parts)
 
     keyword = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=annotations[p.name]) for p in parameters]
+    keyword.sort(key=_place)
     run.__signature__ = inspect.Signature(keyword)  # type: ignore[attr-defined]
     run.__annotations__ = annotations
     return run
+
+
+def _place(parameter: inspect.Parameter) -> int:
+    """Arguments and options without a panel first, then panel by panel; within one as they were declared."""
+    about = getattr(parameter.annotation, "__metadata__", ())
+    panel = next((each.rich_help_panel for each in about if isinstance(each, typer.models.OptionInfo)), None)
+    return PANELS.index(panel) if panel in PANELS else -1
 
 
 def option(
