@@ -12,6 +12,7 @@ from gpubspline.device import Device
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.size import size_for
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
@@ -173,11 +174,24 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     element = sampling.element_type or {1: "hex8", 2: "hex20"}.get(sampling.order, f"order {sampling.order}")
     if element not in ("hex8", "hex20", "hex27"):
         raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
-    made = blocks_mesh(body.region, size, device=device)
+    parts, numbers = _parts(body, meshing)
+    made = blocks_mesh(body.region, size, parts=parts, device=device)
     mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
+    if parts:
+        label = np.zeros(mesh.n_elements, dtype=np.int32)
+        for name, number in numbers.items():
+            label[mesh.element_sets[name]] = number
+        mesh = mesh.with_cell_fields({"label": label})
     if body.volume is not None:
         mesh = mesh.with_fields({"HU": sample_hu(body.volume, mesh.points).astype(mesh.points.dtype)})
     return Meshed(mesh, made.report.to_dict())
+
+
+def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, int]]:
+    """Bodies whose interfaces the mesh is to follow, and the label number of each; none without labels."""
+    if body.labels is None or body.whole is None or body.volume is None or not (meshing.conforming and body.one_grid):
+        return {}, {}
+    return parts_of(body.region, body.volume, body.labels, body.whole)
 
 
 def blocks_size(region: Region, meshing: Meshing, device: Device) -> float:

@@ -66,7 +66,8 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
             volume, region = (None, None) if body is None else (body.volume, body.region if body.one_grid else None)
             law = sampling.law
             mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
-        if body is not None and body.labels is not None and body.whole is not None:
+        parted = "label" in mesh.cell_fields  # by the mesher, along the labels' boundaries
+        if body is not None and body.labels is not None and body.whole is not None and not parted:
             mesh = with_label_sets(mesh, body.labels, body.whole, device)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)

@@ -58,11 +58,13 @@ class Meshing:
     ----------
     method: ``"auto"``, ``"tensor"``, ``"butterfly"`` or ``"blocks"``.
     size_mm, elements: of an element, or how many; for butterfly and blocks.
+    conforming: whether faces of blocks follow the boundary between labels.
     """
 
     method: str = "auto"
     size_mm: float | None = None
     elements: int | None = None
+    conforming: bool = True
 
 
 @dataclass(frozen=True)

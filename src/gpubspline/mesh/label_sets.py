@@ -36,22 +36,23 @@ def with_label_sets(mesh: Mesh, labels: Labels, volume: Volume, device: Device) 
     ``label``, (m,) int32: the label's number, 0 for none.
     """
     numbers = list(labels.names)
-    winner = _winners(mesh, _label_map(labels, numbers, volume), len(numbers), volume, device)
+    winner = _winners(mesh, label_map(labels, numbers, volume), len(numbers), volume, device)
     sets = dict(mesh.element_sets)
     for index, number in enumerate(numbers, start=1):
-        sets[_name(labels, number, sets)] = np.flatnonzero(winner == index).astype(np.int32)
+        sets[set_name(labels, number, sets)] = np.flatnonzero(winner == index).astype(np.int32)
     if np.any(winner == 0):
         sets[UNLABELLED] = np.flatnonzero(winner == 0).astype(np.int32)
     values = np.array([0, *numbers], dtype=np.int32)[winner]
     return replace(mesh, element_sets=sets).with_cell_fields({"label": values})
 
 
-def _name(labels: Labels, number: int, taken: dict[str, Any]) -> str:
+def set_name(labels: Labels, number: int, taken: dict[str, Any]) -> str:
+    """Name of the set of a label that none of ``taken`` has."""
     name = labels.names[number] or f"label_{number}"
     return name if name not in taken else f"{name}_{number}"
 
 
-def _label_map(labels: Labels, numbers: list[int], volume: Volume) -> NDArray[np.int16]:
+def label_map(labels: Labels, numbers: list[int], volume: Volume) -> NDArray[np.int16]:
     """Position (n_k, n_j, n_i) of each voxel's label in ``numbers``, from 1; 0 for none."""
     found = np.zeros(volume.hu.shape, dtype=np.int16)
     for index, number in enumerate(numbers, start=1):
@@ -60,7 +61,7 @@ def _label_map(labels: Labels, numbers: list[int], volume: Volume) -> NDArray[np
 
 
 def _winners(
-    mesh: Mesh, label_map: NDArray[np.int16], n_labels: int, volume: Volume, device: Device
+    mesh: Mesh, labelled: NDArray[np.int16], n_labels: int, volume: Volume, device: Device
 ) -> NDArray[np.int64]:
     """Label (m,) of each element, from 1; 0 where none touches it."""
     rule = quadrature(mesh.element, POINTS, device)
@@ -76,7 +77,7 @@ def _winners(
         places = np.stack([device.get(plane)[:count] for plane in (x, y, z)], axis=1) + middle
         at = np.rint(volume.to_indices(places)).astype(np.int64)
         held = np.all((at >= 0) & (at < np.array(volume.shape)), axis=1)
-        label = np.where(held, label_map[tuple(np.where(held[:, None], at, 0).T[::-1])], 0)
+        label = np.where(held, labelled[tuple(np.where(held[:, None], at, 0).T[::-1])], 0)
         element = np.tile(np.arange(m), rule.n_points)
         weights = np.abs(device.get(part)[:count])
         shares = np.bincount(element * (n_labels + 1) + label, weights, m * (n_labels + 1)).reshape(m, -1)[:, 1:]

@@ -1,13 +1,21 @@
 """Several bodies that touch: conforming, each with its volume, interfaces where their boundary is."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+import SimpleITK as sitk
 
-from gpubspline.ct.region import Region
+from gpubspline.ct.labels import Labels, Segment
+from gpubspline.ct.region import Region, region_from_mask
+from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.export import read_mesh
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh
+from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.pillow import pillow
 from gpubspline.mesh.blocks.repair import SOUND, patterns, repair_owners
 from gpubspline.mesh.quality import assess
@@ -48,16 +56,16 @@ def test_bodies_share_their_interface(name: str, floor: float, device: Device) -
     assert mesh.volume_mm3 == pytest.approx(ball, rel=0.03)
     one, other = list(PARTS[name])[:2]
     shared = np.intersect1d(*(mesh.cells[mesh.element_sets[part]] for part in (one, other)))
-    assert np.array_equal(shared, mesh.node_sets[f"interface_{one}_{other}"])
+    assert np.array_equal(shared, mesh.node_sets[f"{one}_to_{other}"])
     assert np.array_equal(np.unique(mesh.boundary()), mesh.node_sets["surface"])
 
 
 def test_an_interface_lies_on_the_boundary_of_its_bodies(device: Device) -> None:
     halves = made("halves", device).mesh
-    x, _, z = halves.points[halves.node_sets["interface_lower_upper"]].T
+    x, _, z = halves.points[halves.node_sets["lower_to_upper"]].T
     assert np.abs((z - SLOPE * x - HEIGHT) / np.hypot(1, SLOPE)).max() < 0.05 * 2.5
     shell = made("shell", device).mesh
-    at = np.linalg.norm(shell.points[shell.node_sets["interface_core_shell"]], axis=1)
+    at = np.linalg.norm(shell.points[shell.node_sets["core_to_shell"]], axis=1)
     assert np.abs(at - CORE).max() < 0.1 * 2.5
 
 
@@ -97,3 +105,48 @@ def test_bodies_are_sound_each_and_together(seed: int) -> None:
 def test_parts_must_fill_the_region(device: Device) -> None:
     with pytest.raises(InputError, match="fill the region without overlap"):
         blocks_mesh(region(BALL), 2.5, parts={"lower": region(np.maximum(BALL, PLANE))}, device=device)
+
+
+def labels(values: np.ndarray) -> Labels:
+    numbers = [int(number) for number in np.unique(values) if number]
+    return Labels("labels.nii", {number: "" for number in numbers}, lambda number: Segment(values == number))
+
+
+def test_labels_part_a_region_and_what_is_none_goes_to_the_nearest() -> None:
+    shape, affine = (12, 14, 16), np.diag([1.5, 1.5, 2.0, 1.0])
+    affine[:3, 3] = (10, -20, 30)
+    values = np.zeros(shape, dtype=np.int16)
+    values[3:9, 3:11, 3:8], values[3:9, 3:11, 8:13] = 4, 7
+    whole = Volume(np.zeros(shape, dtype=np.float32), affine)
+    inside = values > 0
+    values[5, 5, 3:6], values[3, 3, 3:5] = 0, 9  # a gap of three voxels, and a label too small to be a body
+    window = (slice(2, 11), slice(1, 13), slice(2, 15))
+    moved = affine.copy()
+    moved[:3, 3] = affine[:3, :3] @ (2, 1, 2) + affine[:3, 3]
+    volume = Volume(whole.hu[window], moved)
+    region = region_from_mask(volume, inside[window])
+    parts, numbers = parts_of(region, volume, labels(values), whole)
+    assert numbers == {"label_4": 4, "label_7": 7}
+    count = np.sum([part.mask for part in parts.values()], axis=0)
+    assert np.array_equal(count, region.mask.astype(int))
+    assert parts["label_4"].mask.sum() == 6 * 8 * 5
+    with pytest.raises(InputError, match="within the region, got none there"):
+        parts_of(region, volume, labels(np.where(inside, 0, values)), whole)
+
+
+def test_labels_of_a_vertebra_from_the_command_line(data: Path, run: Any, tmp_path: Path) -> None:
+    """Body and arch: hexes of both meet at their boundary, none poor."""
+    folder = data / "vertebra"
+    vertebra, parts = (sitk.ReadImage(str(next(folder.glob(f"*{kind}*")))) for kind in ("vert_label", "subreg"))
+    inside, values = sitk.GetArrayFromImage(vertebra) == 22, sitk.GetArrayFromImage(parts)
+    image = sitk.GetImageFromArray(np.where(inside, np.where(np.isin(values, (49, 50)), 2, 1), 0).astype(np.uint8))
+    image.CopyInformation(parts)
+    sitk.WriteImage(image, str(tmp_path / "two.nii.gz"))
+    mask, ct = next(folder.glob("*vert_label*")), next(folder.glob("*_ct.nii.gz"))
+    words = ["--mask", mask, "--label", 22, "--labels", tmp_path / "two.nii.gz", "--method", "blocks", "--size", 2.5]
+    status, out, error = run("mesh", ct, *words, "-o", tmp_path / "two.vtu")
+    assert status == 0, error
+    mesh = read_mesh(tmp_path / "two.vtu")
+    assert len(mesh.element_sets["label_1"]) + len(mesh.element_sets["label_2"]) == mesh.n_elements
+    assert mesh.cell_fields["scaled_jacobian"].min() > 0.5
+    assert set(np.unique(mesh.cell_fields["label"])) == {1, 2} and "certified valid" in out

@@ -28,6 +28,10 @@ class MethodOptions:
         option("Mesh", "element size of butterfly, blocks (default: by the thinnest feature)", metavar="MM"),
     ] = None
     elements: Annotated[int | None, option("Mesh", "number of elements instead, about", metavar="N")] = None
+    conforming: Annotated[
+        bool,
+        option("Mesh", "blocks: faces follow the boundary between --labels", "--conforming/--no-conforming"),
+    ] = True
     features: Annotated[
         Path | None, option("Output", "picture of thin features and of what the mesh leaves out, .png", metavar="FILE")
     ] = None
@@ -67,4 +71,4 @@ class MethodOptions:
             raise InputError(f"expected --elements of 1 or more, got {self.elements}")
         if self.size is not None and self.elements is not None:
             raise InputError("expected --size or --elements, got both")
-        return Meshing(self.method, self.size, self.elements)
+        return Meshing(self.method, self.size, self.elements, self.conforming)

@@ -124,10 +124,10 @@ def element_sets(hexes: Pillowed, names: tuple[str, ...]) -> dict[str, NDArray[n
 def node_sets(
     hexes: Pillowed, names: tuple[str, ...], pairs: tuple[tuple[int, int], ...]
 ) -> dict[str, NDArray[np.int32]]:
-    """Nodes of the outer surface, and of each interface as ``interface_A_B``."""
+    """Nodes of the outer surface, and of each interface as ``A_to_B``."""
     sets = {"surface": np.unique(hexes.quads).astype(np.int32)}
     for a, b in pairs:
         both = (1 << a) | (1 << b)
         at = np.flatnonzero((hexes.bodies & both) == both)
-        sets[f"interface_{names[a - 1]}_{names[b - 1]}"] = at.astype(np.int32)
+        sets[f"{names[a - 1]}_to_{names[b - 1]}"] = at.astype(np.int32)
     return sets

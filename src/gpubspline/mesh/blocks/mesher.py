@@ -118,7 +118,7 @@ def blocks_mesh(
         outermost voxel centres bound it.
     size_mm: of an element.
     parts: bodies that fill the region without overlap, by name. Their hexes share the nodes of the interface and are
-        element sets; the nodes between A and B are the set ``interface_A_B``.
+        element sets; the nodes between A and B are the set ``A_to_B``.
     attempts: most places of the lattice that are tried.
     rotation: (3, 3), columns are the lattice's axes; None takes the patient's.
     effort: what is done to improve the hexes.
