@@ -26,10 +26,19 @@ def read(path: Path) -> Found:
 
 def solve(text: str, folder: Path) -> np.ndarray:
     """Internal forces (n, 3) of the nodes as CalculiX prints them, with six digits."""
+    return printed(text, folder, "RF", r"forces \(fx,fy,fz\)")
+
+
+def displacement(text: str, folder: Path) -> np.ndarray:
+    """Displacement (n, 3) of the nodes as CalculiX prints it, with six digits."""
+    return printed(text, folder, "U", r"displacements")
+
+
+def printed(text: str, folder: Path, asked: str, title: str) -> np.ndarray:
     folder.mkdir()
-    asked = "*NODE PRINT, NSET=all_nodes\nRF\n*NODE FILE\n"
-    (folder / "model.inp").write_text(text.replace("*NODE FILE\n", asked))
+    wanted = f"*NODE PRINT, NSET=all_nodes\n{asked}\n*NODE FILE\n"
+    (folder / "model.inp").write_text(text.replace("*NODE FILE\n", wanted))
     done = subprocess.run(["ccx", "-i", "model"], cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0 and "*ERROR" not in done.stdout, done.stdout[-2000:]
-    rows = re.search(r"forces \(fx,fy,fz\) .*\n\n((?:\s+\d+\s.*\n)+)", (folder / "model.dat").read_text())[1]
+    rows = re.search(rf"{title} .*\n\n((?:\s+\d+\s.*\n)+)", (folder / "model.dat").read_text())[1]
     return np.array([[float(word) for word in row.split()[1:]] for row in rows.splitlines()])

@@ -17,6 +17,7 @@ from gpubspline.export.read import read_mesh as read_mesh
 from gpubspline.export.units import DEFAULT_UNITS, find_units
 from gpubspline.files import check_writable
 from gpubspline.material.laws import Law
+from gpubspline.material.orthotropy import is_orthotropic
 from gpubspline.mesh.mesh import Mesh
 
 PLUGINS = "gpubspline.formats"
@@ -122,6 +123,8 @@ def write(
     asked = {"binned": modulus_bins is not None, "nodal": nodal_modulus, "loads": load is not None}
     known = format if isinstance(format, str) else path.suffix.lower()
     form.check_asked(known, **asked)
+    if is_orthotropic(mesh):
+        form.check_orthotropic(format or path.suffix.lower())
     form.check_elements(known, mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")

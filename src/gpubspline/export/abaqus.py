@@ -27,6 +27,9 @@ ELEMENT_TYPES = {"quad4": "S4", "quad8": "S8R", "hex8": "C3D8", "hex20": "C3D20"
 SIDES = {"w0": "S1", "w1": "S2", "v0": "S3", "u1": "S4", "v1": "S5", "u0": "S6"}
 """Faces of hexes: 1-2-3-4, 5-8-7-6, 1-5-6-2, 2-6-7-3, 3-7-8-4, 4-8-5-1."""
 
+AXES = "axes"
+"""Name of the orientation of orthotropic elements."""
+
 
 def write(deck: Deck, path: Path) -> None:
     """Write a deck, its step from the load case, or the text ``deck.step``."""
@@ -67,7 +70,8 @@ def _write_set(out: TextIO, keyword: str, name: str, members: NDArray[Any]) -> N
 
 def _write_section(out: TextIO, deck: Deck, elements: str, material: str) -> None:
     if deck.mesh.element.dimension == 3:
-        out.write(f"*SOLID SECTION, ELSET={elements}, MATERIAL={material}\n")
+        along = "" if deck.axes is None else f", ORIENTATION={AXES}"
+        out.write(f"*SOLID SECTION, ELSET={elements}, MATERIAL={material}{along}\n")
     else:
         out.write(f"*SHELL SECTION, ELSET={elements}, MATERIAL={material}\n{deck.thickness:g}\n")
 
@@ -84,13 +88,30 @@ def _write_table(out: TextIO, deck: Deck, table: NodalTable) -> None:
     write_reals(out, [table.temperature])
 
 
+def _write_axes(out: TextIO, axes: NDArray[np.float64]) -> None:
+    """Axes 1 and 2 of each element, from the origin; a default before them, which both solvers want."""
+    out.write(f"*DISTRIBUTION TABLE, NAME={AXES}_table\nCOORD3D, COORD3D\n")
+    out.write(
+        f"*DISTRIBUTION, NAME={AXES}_by_element, LOCATION=ELEMENT, TABLE={AXES}_table\n, 1., 0., 0., 0., 1., 0.\n"
+    )
+    write_reals(out, list(axes.T))
+    out.write(f"*ORIENTATION, NAME={AXES}, SYSTEM=RECTANGULAR\n{AXES}_by_element\n")
+
+
 def _write_sections(out: TextIO, deck: Deck) -> None:
+    if deck.axes is not None:
+        _write_axes(out, deck.axes)
     for section in deck.sections:
         _write_set(out, "ELSET", section.name, section.members)
     for section in deck.sections:
         material = section.name.replace("modulus", "bone")
-        out.write(f"*MATERIAL, NAME={material}\n*ELASTIC, TYPE=ISOTROPIC\n")
-        out.write(f"{REAL % section.modulus},{REAL % section.poisson}\n")
+        if section.constants:
+            row = [REAL % value for value in section.constants]
+            out.write(f"*MATERIAL, NAME={material}\n*ELASTIC, TYPE=ENGINEERING CONSTANTS\n")
+            out.write(f"{','.join(row[:8])}\n{row[8]}\n")
+        else:
+            out.write(f"*MATERIAL, NAME={material}\n*ELASTIC, TYPE=ISOTROPIC\n")
+            out.write(f"{REAL % section.modulus},{REAL % section.poisson}\n")
         if section.density is not None:
             out.write(f"*DENSITY\n{REAL % section.density}\n")
         _write_section(out, deck, section.name, material)
@@ -131,6 +152,7 @@ FORMATS = (
         write,
         nodal="table",
         binned=True,
+        orthotropic=True,
         loads=True,
         sets=True,
     ),

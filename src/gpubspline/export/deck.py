@@ -22,10 +22,14 @@ from gpubspline.export.modulus_bins import ModulusBins, modulus_bins
 from gpubspline.export.modulus_table import modulus_table
 from gpubspline.export.units import Units
 from gpubspline.material.laws import Law
+from gpubspline.material.orthotropy import MODULI, is_orthotropic
 from gpubspline.mesh.mesh import Mesh
 
 DEFAULT_BINS = 100
 """Element sets by modulus where a format has nothing better and none are asked for."""
+
+CONSTANTS = (*MODULI, "nu12", "nu13", "nu23", "G12_MPa", "G13_MPa", "G23_MPa")
+"""Fields of orthotropic elements, in the order of Abaqus's engineering constants."""
 
 LARGEST_TEMPERATURE = 1000.0
 """CalculiX 2.20 takes temperatures above 2,000, or below -2,000, for none: elements get the modulus at zero."""
@@ -39,13 +43,17 @@ Kept = TypeVar("Kept")
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Elements of one material, in the deck's units; ``density`` is None where the mesh has none above zero."""
+    """Elements of one material, in the deck's units; ``density`` is None where the mesh has none above zero.
+
+    ``constants`` are those of orthotropic elements: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23.
+    """
 
     name: str
     members: NDArray[Any]
     modulus: float
     poisson: float
     density: float | None
+    constants: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +89,7 @@ class Deck:
     table: the material by node as a table, or None.
     nodal: ``modulus``, ``poisson`` and perhaps ``density`` (n,) by node where the format holds fields, or nothing.
     elemental: the same by element (m,), of a mesh whose material is by element.
+    axes: (m, 6) axes 1 and 2 of orthotropic elements, or None.
     loads: or None.
     comments: what the deck says of itself: units, law, means of the modulus and its error, load case.
     figures: the same as plain numbers, for a summary.
@@ -95,6 +104,7 @@ class Deck:
     table: NodalTable | None
     nodal: dict[str, NDArray[Any]]
     elemental: dict[str, NDArray[Any]]
+    axes: Floats | None
     loads: DeckLoads | None
     comments: tuple[str, ...]
     figures: dict[str, Any]
@@ -184,6 +194,7 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
         table=means.table,
         nodal=means.nodal,
         elemental=means.elemental,
+        axes=means.axes,
         loads=None if placed.loads is None else _loads_in_units(placed.loads, wanted.units),
         comments=tuple(_comments(wanted, means.words, placed.loads)),
         figures={"format": form.name, "units": wanted.units.name, "modulus": means.figures}
@@ -253,6 +264,7 @@ class _Means:
     table: NodalTable | None = None
     nodal: dict[str, NDArray[Any]] = field(default_factory=dict)
     elemental: dict[str, NDArray[Any]] = field(default_factory=dict)
+    axes: Floats | None = None
 
 
 def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
@@ -264,11 +276,17 @@ def _material(mesh: Mesh, form: Format, wanted: Wanted) -> _Means:
         raise InputError("expected the nodal fields E_MPa and nu for a modulus by node, got a mesh without them")
     if not (by_node or by_element) or not (form.binned or form.nodal):
         return _Means()
+    count = DEFAULT_BINS if wanted.modulus_bins is None else wanted.modulus_bins
+    if is_orthotropic(mesh) and form.orthotropic:
+        if wanted.nodal_modulus:
+            raise InputError(
+                "expected isotropic elements for a modulus by node, got orthotropic ones, which are binned"
+            )
+        return _orthotropic(mesh, modulus_bins(mesh, count), wanted.units)
     if wanted.modulus_bins is None and by_node and form.nodal == "table":
         return _table(mesh, form, wanted.units)
     if wanted.modulus_bins is None and form.nodal == "field":
         return _fields(mesh, wanted.units, by_node)
-    count = DEFAULT_BINS if wanted.modulus_bins is None else wanted.modulus_bins
     return _sections(modulus_bins(mesh, count), wanted.units)
 
 
@@ -323,6 +341,29 @@ def _sections(bins: ModulusBins, units: Units) -> _Means:
     )
     errors = {"mean_error": bins.mean_error, "largest_error": bins.largest_error, "poisson_error": bins.poisson_error}
     return _Means(words, {"means": "bins", "bins": len(bins.members), **errors}, sections)
+
+
+def _orthotropic(mesh: Mesh, bins: ModulusBins, units: Units) -> _Means:
+    """Sections by the mean modulus, each with the mean constants of its elements; axes by element."""
+    given = {name: mesh.cell_fields[name].astype(np.float64) for name in CONSTANTS}
+    plain = _sections(bins, units)
+    sections, off = [], np.zeros(mesh.n_elements)
+    for section in plain.sections:
+        mean = {name: float(values[section.members].mean()) for name, values in given.items()}
+        for name in MODULI:
+            error = np.abs(mean[name] / given[name][section.members] - 1)
+            off[section.members] = np.maximum(off[section.members], error)
+        scaled = (value * (units.per_mpa if name.endswith("_MPa") else 1.0) for name, value in mean.items())
+        sections.append(replace(section, constants=tuple(scaled)))
+    axes = np.stack([mesh.cell_fields[f"axis{axis}_{c}"] for axis in (1, 2) for c in "xyz"], axis=1)
+    words = (
+        f"Orthotropic by element: {len(sections)} bins of the mean modulus, each with the mean constants of its "
+        f"elements, which changes E1, E2 and E3 by {100 * off.mean():.3g} % on average and {100 * off.max():.3g} % at "
+        "most. Axis 3 runs along w, from slice to slice, axis 1 across it in the plane of u and w."
+    )
+    errors = {"mean_error": float(off.mean()), "largest_error": float(off.max()), "poisson_error": bins.poisson_error}
+    figures = {"means": "bins", "bins": len(sections), "orthotropic": True, **errors}
+    return _Means(words, figures, tuple(sections), axes=axes.astype(np.float64))
 
 
 def _in_units(mesh: Mesh, units: Units) -> Mesh:

@@ -71,7 +71,7 @@ def write(deck: Deck, path: Path) -> None:
                 _write_load_sets(out, deck.loads)
         with _tag(out, "MeshDomains"):
             _write_domains(out, deck)
-        if deck.nodal or deck.elemental or deck.loads is not None:
+        if deck.nodal or deck.elemental or deck.axes is not None or deck.loads is not None:
             with _tag(out, "MeshData"):
                 _write_data(out, deck)
         if deck.loads is not None:
@@ -97,14 +97,27 @@ def _parts(deck: Deck) -> Sequence[Section]:
 def _write_materials(out: TextIO, deck: Deck) -> None:
     with _tag(out, "Material"):
         for number, section in enumerate(_parts(deck), start=1):
-            with _tag(out, "material", id=str(number), name=_material(section), type="isotropic elastic"):
+            kind = "orthotropic elastic" if section.constants else "isotropic elastic"
+            with _tag(out, "material", id=str(number), name=_material(section), type=kind):
                 maps = deck.nodal or deck.elemental
                 if maps:
                     ordered = [key for key in ("density", "modulus", "poisson") if key in maps]
                     out.writelines(f'<{MAPS[k]} type="map">{k}_map</{MAPS[k]}>\n' for k in ordered)
                 else:
                     density = "" if section.density is None else f"<density>{REAL % section.density}</density>\n"
+                    if section.constants:
+                        out.write(density + _constants(section.constants))
+                        continue
                     out.write(f"{density}<E>{REAL % section.modulus}</E>\n<v>{REAL % section.poisson}</v>\n")
+
+
+def _constants(given: tuple[float, ...]) -> str:
+    """FEBio's own nine, of which v31 is nu13 E3 / E1."""
+    names = ("E1", "E2", "E3", "v12", "v13", "v23", "G12", "G31", "G23")
+    known = dict(zip(names, given, strict=True))
+    known["v31"] = known.pop("v13") * known["E3"] / known["E1"]
+    order = ("E1", "E2", "E3", "v12", "v23", "v31", "G12", "G23", "G31")
+    return "".join(f"<{name}>{REAL % known[name]}</{name}>\n" for name in order)
 
 
 def _material(section: Section) -> str:
@@ -153,6 +166,11 @@ def _write_domains(out: TextIO, deck: Deck) -> None:
 
 def _write_data(out: TextIO, deck: Deck) -> None:
     mesh = deck.mesh
+    for section in deck.sections if deck.axes is not None else ():
+        assert deck.axes is not None
+        with _tag(out, "ElementData", type="mat_axis", elem_set=section.name):
+            columns = [np.arange(len(section.members)) + 1, *deck.axes[section.members].T]
+            write_lines(out, '<elem lid="{}"><a>{},{},{}</a><d>{},{},{}</d></elem>', columns)
     for key, values in deck.elemental.items():
         with _tag(out, "ElementData", name=f"{key}_map", elem_set=deck.body, data_type="scalar"):
             write_lines(out, '<elem lid="{}">{}</elem>', [np.arange(mesh.n_elements) + 1, values])
@@ -195,5 +213,16 @@ def _write_loads(out: TextIO, loads: DeckLoads) -> None:
 
 
 FORMATS = (
-    Format("febio", (".feb",), ELEMENT_TYPES, write, nodal="field", binned=True, loads=True, sets=True, readable=False),
+    Format(
+        "febio",
+        (".feb",),
+        ELEMENT_TYPES,
+        write,
+        nodal="field",
+        binned=True,
+        orthotropic=True,
+        loads=True,
+        sets=True,
+        readable=False,
+    ),
 )

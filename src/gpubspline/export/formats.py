@@ -25,6 +25,7 @@ class Format:
     nodal: how it holds a modulus by node: ``"table"``, along a field that plays the temperature, ``"field"``, or not.
     most_rows: of that table, None for any number.
     binned: whether it has sections, for element sets by modulus.
+    orthotropic: whether its sections hold orthotropic material and an axis for each element.
     loads: whether it holds a load case.
     sets: whether it holds node and element sets.
     fields, cell_fields: whether it holds nodal and element fields of any name.
@@ -39,6 +40,7 @@ class Format:
     nodal: str = ""
     most_rows: int | None = None
     binned: bool = False
+    orthotropic: bool = False
     loads: bool = False
     sets: bool = False
     fields: bool = False
@@ -58,6 +60,13 @@ class Format:
         if element_type not in self.element_types:
             held = ", ".join(self.element_types)
             raise InputError(f"expected elements of {held} for {known}, got {element_type}; .vtu holds them")
+
+    def check_orthotropic(self, known: str) -> None:
+        """Raise InputError where the format, ``known`` by this, holds no orthotropic elements."""
+        if not (self.orthotropic or self.cell_fields):
+            raise InputError(
+                f"expected a format that holds orthotropic elements, such as .inp, .feb or .vtu, got {known}"
+            )
 
     def check_asked(self, known: str, *, binned: bool, nodal: bool, loads: bool) -> None:
         """Raise InputError where the format, ``known`` by this, does not hold what is asked for."""
