@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
+from gpubspline.errors import InputError
 
 
 def complete_load(incomplete: str) -> list[str]:
@@ -58,6 +59,17 @@ class DeckOptions:
         find_units(self.units)
         if self.load is not None:
             load_case(self.load)
+
+    def check_orthotropy(self, output: Path) -> None:
+        """Raise InputError where the format cannot carry orthotropic elements, which would leave their mean modulus."""
+        from gpubspline.export import find_format
+
+        if not find_format(output, self.format).cell_fields:
+            known = self.format or output.suffix.lower()
+            raise InputError(
+                f"expected a format that carries orthotropic elements as fields, such as .vtu, got {known}: "
+                "map one law, without --transverse-law"
+            )
 
     @property
     def inputs(self) -> list[Path]:

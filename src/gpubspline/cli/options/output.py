@@ -72,6 +72,8 @@ class OutputOptions:
         from gpubspline.streaming import stream_patch
 
         self.check_field(patch.channels)
+        if sampling.mapping.transverse is not None:
+            self._deck.check_orthotropy(self.output)
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
         whole = whole or (body is not None and body.labels is not None)
