@@ -124,7 +124,7 @@ def write(
     known = format if isinstance(format, str) else path.suffix.lower()
     form.check_asked(known, **asked)
     if is_orthotropic(mesh):
-        form.check_orthotropic(format or path.suffix.lower())
+        form.check_orthotropic(known)
     form.check_elements(known, mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
