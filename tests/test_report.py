@@ -44,8 +44,11 @@ def test_report_of_a_mesh_holds_the_run_and_no_patient(run: Command, femur: Path
     text = page.read_text(encoding="utf-8")
     for word in ("mustermann", "hannelore", "4711"):
         assert word not in text.lower(), word
-    command = "gpubspline mesh INPUT --allow-gaps --control 9,9,14 --nodes 9,9,14 --law morgan-2003-femoral-neck"
-    assert command in text and "--output FILE.vtu" in text
+    typed = re.search(r"<pre>(gpubspline mesh INPUT [^<]*)</pre>", text)
+    assert typed and "Mustermann" not in typed[1]
+    for words in ("--allow-gaps", "--control 9,9,14", "--nodes 9,9,14", "--law morgan-2003-femoral-neck"):
+        assert words in typed[1]
+    assert "--output FILE.vtu" in typed[1] and "--report FILE.html" in typed[1]
     assert "<dt class=given>--law</dt><dd>morgan-2003-femoral-neck</dd>" in text
     assert "<dt>--smooth-rows</dt><dd>1.5</dd>" in text and "<dt>--threshold</dt><dd>Otsu&#x27;s threshold</dd>" in text
     assert "Morgan, Bayraktar, Keaveny, J Biomech 36 (2003) 897-904" in text

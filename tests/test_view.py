@@ -56,7 +56,7 @@ def test_field_cut_and_edges_change_the_picture(run: Command, cube: Path, tmp_pa
 
 
 def test_edges_too_small_to_be_seen_are_drawn_where_asked_for(run: Command, tmp_path: Path) -> None:
-    x, y = np.meshgrid(np.arange(400.0), np.arange(300.0), indexing="ij")
+    x, y = np.meshgrid(np.arange(360.0), np.arange(270.0), indexing="ij")
     points = np.stack([x.ravel(order="F"), y.ravel(order="F"), np.zeros(x.size)], axis=1)
     write(Mesh(points, "quad4", structure=x.shape, fields={"HU": np.full(x.size, 500.0)}), tmp_path / "fine.vtu")
     for words in ([], ["--edges"]):
