@@ -234,6 +234,18 @@ def test_a_thin_plate_is_read_in_its_middle(device: Device) -> None:
     np.testing.assert_allclose(mapped.fields["HU"], 900, atol=1)
 
 
+def test_what_lies_far_outside_stays(device: Device) -> None:
+    """Nodes of a mesh that bridges a gap are not on the surface: they keep the HU that they have."""
+    volume, region = ball()
+    mesh = ball_mesh(radius_mm=17.5, n=19)
+    surface = np.unique(mesh.boundary())
+    given = mesh.with_fields({"HU": np.full(mesh.n_nodes, -900.0)})
+    mapped, _ = assign(given, CONTINUED, Mapping(surface_depth_mm=1.2), volume=volume, region=region, device=device)
+    assert np.all(mapped.fields["HU"][surface] == -900)  # 2.5 mm outside
+    near = np.abs(np.linalg.norm(mesh.points, axis=1) - 15) < 0.9
+    assert near.any() and mapped.fields["HU"][near].min() > 600
+
+
 def test_alarms_count(device: Device) -> None:
     """Of four nodes' HU one lies below the law, one below 10 MPa, two beyond the specimens."""
     found = Law(

@@ -18,7 +18,9 @@ SHARES = (0.25, 0.5, 0.75, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Inset:
-    """Moves places nearer than a depth to the surface of a region down to that depth.
+    """Moves places nearer than a depth to the surface of a region, inside or outside, down to that depth.
+
+    What lies farther outside is in a gap that the mesh bridges, not on the surface, and stays.
 
     Attributes
     ----------
@@ -38,7 +40,7 @@ class Inset:
         """
         points = np.array(points, dtype=np.float64)
         depth = self.distance.at(points)
-        near = np.flatnonzero(depth > -self.depth_mm)
+        near = np.flatnonzero(np.abs(depth) < self.depth_mm)
         if near.size:
             points[near] = self._inwards(points[near], depth[near])
         return points
