@@ -140,6 +140,7 @@ def test_orthotropic_elements(run: Command, child: Path, tmp_path: Path) -> None
     status, _, err = run("mesh", child, *FEMUR, *across, "-o", tmp_path / "n.vtu")
     assert status == 2 and "transverse law with element-hu or element-e, got the mapping nodal" in err
     for command in (["export", made], ["mesh", child, *FEMUR, "--mapping", "element-e", *across]):
-        status, _, err = run(*command, "-o", tmp_path / "deck.inp")
-        assert status == 2 and "a format that carries orthotropic elements" in err and "got .inp" in err
-    assert not (tmp_path / "deck.inp").exists()
+        status, _, err = run(*command, "-o", tmp_path / "deck.bdf")
+        assert status == 2 and "a format that holds orthotropic elements" in err and "got .bdf" in err
+    assert not (tmp_path / "deck.bdf").exists()
+    assert run("export", made, "-o", tmp_path / "deck.inp")[0] == 0

@@ -34,7 +34,6 @@ def export(
     """Write a mesh file in another format, with a load case and in the units of a solver."""
     from gpubspline.cli import describe
     from gpubspline.export import read_mesh, write
-    from gpubspline.material.orthotropy import is_orthotropic
     from gpubspline.report.summary import write_summary
 
     run, written = RunOptions(quiet=quiet), [output, *([summary] if summary else [])]
@@ -45,8 +44,6 @@ def export(
     with run.clock() as clock:
         with clock.stage("read"):
             found = read_mesh(mesh)
-        if is_orthotropic(found):
-            deck.check_orthotropy(output)
         with clock.stage("write"):
             figures = {"deck": write(found, output, thickness_mm=thickness, **deck.how())}
     if summary:

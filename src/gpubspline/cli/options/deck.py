@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
-from gpubspline.errors import InputError
 
 
 def complete_load(incomplete: str) -> list[str]:
@@ -61,15 +60,10 @@ class DeckOptions:
             load_case(self.load)
 
     def check_orthotropy(self, output: Path) -> None:
-        """Raise InputError where the format cannot carry orthotropic elements, which would leave their mean modulus."""
+        """Raise InputError where the format cannot carry orthotropic elements, before any work."""
         from gpubspline.export import find_format
 
-        if not find_format(output, self.format).cell_fields:
-            known = self.format or output.suffix.lower()
-            raise InputError(
-                f"expected a format that carries orthotropic elements as fields, such as .vtu, got {known}: "
-                "map one law, without --transverse-law"
-            )
+        find_format(output, self.format).check_orthotropic(self.format or output.suffix.lower())
 
     @property
     def inputs(self) -> list[Path]:
