@@ -9,6 +9,7 @@
 // weight, against the parameters' derivatives of the shape functions.
 
 #define MOST_NODES 27
+#define FULL 0
 #define INCOMPATIBLE 1 // with three quadratic modes a component. Source: Taylor, Beresford and Wilson 1976
 #define BBAR 2         // with the mean dilatation. Source: Hughes 1980
 #define GAUSS 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2
@@ -16,6 +17,13 @@
 
 inline realv gathered(__global const real *plane, __global const int *nodes, int m, int first)
 {
+#if LANES == 8 // lane by lane into a register: vectors put together in memory wait for it
+    if (first + 8 <= m) {
+        __global const int *at = nodes + first;
+        return (realv)(plane[at[0]], plane[at[1]], plane[at[2]], plane[at[3]], plane[at[4]], plane[at[5]], plane[at[6]],
+                       plane[at[7]]);
+    }
+#endif
     union { realv v; real lane[LANES]; } parts;
     for (int lane = 0; lane < LANES; lane++)
         parts.lane[lane] = plane[nodes[min(first + lane, m - 1)]];
@@ -227,7 +235,10 @@ void hex8_forces(__global const real *points, __global const real *displacement,
         realv dx[36], du[36], out[36], v[8];
         derivatives_of(n, points, nodes, m, e, dx);
         derivatives_of(n, displacement, nodes, m, e, du);
-        forces_of(dx, du, lam, mu, formulation, inverse_modes, m, e, out);
+        if (formulation == FULL) // told apart here, so that the loop over Gauss points asks nothing
+            forces_of(dx, du, lam, mu, FULL, inverse_modes, m, e, out);
+        else
+            forces_of(dx, du, lam, mu, formulation, inverse_modes, m, e, out);
         for (int c = 0; c < 3; c++) {
             vertices(out + 12 * c, v);
             for (int a = 0; a < 8; a++)
