@@ -226,3 +226,16 @@ def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
         status, said, err = run(*words)
         assert status == 2 and what in err and len(err.strip().splitlines()) == 1 and said == "", (words, err)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["far.ply", "open.ply"]
+
+
+def test_optimize_at_the_command_line(run, fork_file, tmp_path):
+    files = ["-o", tmp_path / "m.vtu", "--summary", tmp_path / "s.json"]
+    words = ["--threshold", 0, "--box", "-20,20,-20,20,1.5,10", "--elements", 900, "--optimize"]
+    status, out, _ = run("mesh", fork_file, *words, *files)
+    figures = json.loads((tmp_path / "s.json").read_text())
+    done = figures["optimized"]
+    assert status == 0 and "optimized  worst hex from" in out and figures["method"]["name"] == "butterfly"
+    assert done["before"] < done["after"] == pytest.approx(figures["scaled_jacobian"]["min"], abs=1e-3)
+    assert done["boundary_mm"] < 0.1
+    status, said, err = run("mesh", fork_file, "--threshold", 0, "--method", "blocks", "--optimize", *files[:2])
+    assert status == 2 and "no --optimize with blocks" in err and said == ""

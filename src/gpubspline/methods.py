@@ -168,6 +168,8 @@ def _butterfly_mesh(made: Butterfly, meshing: Meshing, sampling: Sampling, devic
 def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Device) -> Meshed:
     if sampling.nodes is not None:
         raise InputError("expected --size or --elements for blocks, got --nodes")
+    if sampling.optimize:
+        raise InputError("expected no --optimize with blocks, whose nodes are moved to the best places already")
     if meshing.size_mm is not None and meshing.elements is not None:
         raise InputError("expected --size or --elements, got both")
     size = blocks_size(body.region, meshing, device)

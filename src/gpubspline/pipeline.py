@@ -12,6 +12,7 @@ from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.label_sets import with_label_sets
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.optimize import optimize
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.sample import sample
 from gpubspline.mesh.tally import tally
@@ -59,7 +60,10 @@ def sample_patch(
 
 def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: Body | None = None) -> Model:
     """Map the material onto a mesh, judge its elements and its distance from the body; without HU no material."""
-    law, calibrated, alarms = None, None, None
+    law, calibrated, alarms, optimized = None, None, None, None
+    if sampling.optimize:
+        with clock.stage("optimize"):
+            mesh, optimized = optimize(mesh, device)
     with clock.stage("material"):
         if "HU" in mesh.fields:
             sampling, calibrated = calibrate(sampling, body)
@@ -78,7 +82,7 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
         known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
         counted = tally(mesh, quality, **known, weigh=False)  # the alarms do
         covered = cover(mesh, body.region, device) if body is not None and mesh.element.dimension == 3 else None
-    return Model(mesh, counted, sampling, law, alarms, calibrated, covered)
+    return Model(mesh, counted, sampling, law, alarms, calibrated, covered, optimized)
 
 
 def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
@@ -124,6 +128,7 @@ def summarise(
         known |= {"fit": fitted.method, "fit_error_mm": error.mean_mm, "fit_error_hu": error.mean_hu}
     figures = summary(model.counted, device, clock.seconds, **known)
     figures |= {} if model.coverage is None else model.coverage.to_dict()
+    figures["optimized"] = None if model.optimized is None else model.optimized.to_dict()
     if choice is not None:
         figures["method"] = {"name": choice.method, "why": choice.why}
     return figures if meshed is None else figures | meshed.figures

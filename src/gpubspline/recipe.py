@@ -16,6 +16,7 @@ from gpubspline.material.calibration import Calibrated, Calibration
 from gpubspline.material.laws import Law
 from gpubspline.mesh.coverage import Coverage
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.optimize import Optimized
 from gpubspline.mesh.tally import Tally
 from gpubspline.spline.fit import Fit
 from gpubspline.spline.lattice import SMOOTHING
@@ -77,6 +78,7 @@ class Sampling:
     element_type: str | None = None
     mapping: Mapping = field(default_factory=Mapping)
     calibration: Calibration | None = None
+    optimize: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,3 +149,4 @@ class Model:
     alarms: Alarms | None
     calibrated: Calibrated | None = None
     coverage: Coverage | None = None
+    optimized: Optimized | None = None

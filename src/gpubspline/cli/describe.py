@@ -93,6 +93,16 @@ def validity_lines(counts: dict[str, Any] | None) -> list[str]:
     ]
 
 
+def optimized_lines(done: dict[str, float] | None) -> list[str]:
+    """What moving nodes did to the worst hex, and to the surface."""
+    if done is None:
+        return []
+    return [
+        f"optimized  worst hex from {done['before']:.3f} to {done['after']:.3f}; the surface stayed within "
+        f"{done['boundary_mm']:.2g} mm"
+    ]
+
+
 def method_lines(method: dict[str, str] | None, size_mm: float | None = None) -> list[str]:
     """By which method a mesh was made, and why."""
     if method is None:
@@ -152,6 +162,7 @@ def summary_lines(figures: dict[str, Any]) -> list[str]:
         f"quality    scaled Jacobian from {quality['min']:.3f}, mean {quality['mean']:.3f}; "
         f"{quality['fraction_above_0.5']:.1%} above 0.5, {quality['fraction_below_0.1']:.1%} below 0.1, "
         f"{quality['inverted']} inverted",
+        *optimized_lines(figures.get("optimized")),
         *validity_lines(figures.get("jacobian_determinant")),
     ]
     size, distance = figures["volume_mm3"], figures["surface_distance_mm"]

@@ -76,7 +76,7 @@ class OutputOptions:
             self._deck.check_orthotropy(self.output)
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
-        whole = whole or (body is not None and body.labels is not None)
+        whole = whole or (body is not None and body.labels is not None) or sampling.optimize
         solid = patch.parametric_dimension == 3 and first_order
         self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole and self._deck.plain
         if self._streamed:

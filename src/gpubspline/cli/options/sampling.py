@@ -17,6 +17,9 @@ class SamplingOptions:
     ] = None
     order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
     element: Annotated[str | None, option("Mesh", "element type instead, such as hex27", metavar="TYPE")] = None
+    optimize: Annotated[
+        bool, option("Mesh", "move nodes for better hexes, those of the surface along it", "--optimize")
+    ] = False
     law: Annotated[
         str | None,
         option(
@@ -68,4 +71,4 @@ class SamplingOptions:
         mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, across, policy)
         calibration = None if self.calibration is None else read_calibration(self.calibration)
         law = find_law(self.law or DEFAULT_LAW)
-        return Sampling(law, counts, self.order, self.element, mapping, calibration)
+        return Sampling(law, counts, self.order, self.element, mapping, calibration, self.optimize)
