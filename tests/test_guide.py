@@ -2,12 +2,15 @@
 
 import importlib.util
 import re
+import shlex
 import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
+import SimpleITK as sitk
 import typer
 
 import gpubspline as gb
@@ -73,3 +76,22 @@ def test_law_of_the_guide_is_read(tmp_path: Path) -> None:
     (tmp_path / "my_law.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
     law = gb.law(tmp_path / "my_law.toml")
     assert law.name == "my-femur" and law.range_hu == (50.0, 1600.0)
+
+
+def test_the_first_model_as_printed(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steps of "First model", typed as they stand, on a scan as a user has it: a NIfTI file."""
+    volume = gb.phantom("child-femur").scan()
+    image = sitk.GetImageFromArray(np.ascontiguousarray(volume.hu[:, ::2, ::2]))
+    image.SetSpacing([2 * volume.spacing_mm[0], 2 * volume.spacing_mm[1], volume.spacing_mm[2]])
+    sitk.WriteImage(image, str(tmp_path / "scan.nii.gz"))
+    text = (ROOT / "docs" / "start.md").read_text()
+    (tmp_path / "my_law.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
+    monkeypatch.chdir(tmp_path)
+    commands = [line for block in re.findall(r"```bash\n(.*?)```", text, re.S) for line in block.splitlines()]
+    assert [shlex.split(command)[1] for command in commands] == ["info", "mesh", "mesh", "solve"]
+    for command in commands:
+        status, _, err = run(*shlex.split(command)[1:])
+        assert status == 0, f"{command}: {err}"
+    assert {"model.vtu", "model.html", "stressed.vtu", "stressed.html"} <= {path.name for path in tmp_path.iterdir()}
+    moduli = gb.read_mesh(tmp_path / "model.vtu").fields["E_MPa"]
+    assert moduli.min() >= 6850 * (0.00116 * 50) ** 1.49 * 0.999
