@@ -22,7 +22,7 @@ from gpubspline.ct.masks import open_labels, read_mask, read_segment
 from gpubspline.ct.phantom_dicom import write_phantom
 from gpubspline.ct.region import region_from_mask
 from gpubspline.ct.volume import Volume
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 
 Mask = NDArray[np.bool_]
 
@@ -201,7 +201,7 @@ def test_rtstruct_of_the_vertebra(data: Path, tmp_path: Path) -> None:
     volume = read_volume(data / "vertebra" / "sub-ct_label-22_ct.nii.gz")
     labels = open_labels(data / "vertebra" / "sub-ct_seg-subreg_label-22_msk.nii.gz", volume)
     masks = {f"part {number}": labels.segment(number).inside for number in list(labels.names)[:4]}
-    path = write_rtstruct(tmp_path / "rs.dcm", volume, masks, "1.2.3")
+    path = write_rtstruct(tmp_path / "rs.dcm", volume, masks, "")
     for name, mask in masks.items():
         np.testing.assert_array_equal(read_mask(path, volume, name.upper()), mask)
     np.testing.assert_array_equal(read_mask(path, volume), np.logical_or.reduce(list(masks.values())))
@@ -211,7 +211,7 @@ def test_contours_on_every_second_slice_fill_the_others(tmp_path: Path) -> None:
     volume = Volume(np.zeros((9, 20, 20), np.int16), np.diag([0.5, 0.5, 2.0, 1.0]))
     mask = np.zeros(volume.hu.shape, dtype=bool)
     mask[:, 5:12, 4:15] = True
-    path = write_rtstruct(tmp_path / "rs.dcm", volume, {"block": mask}, "1.2.3", step=2)
+    path = write_rtstruct(tmp_path / "rs.dcm", volume, {"block": mask}, "", step=2)
     np.testing.assert_array_equal(read_mask(path, volume, "block"), mask)
 
 
@@ -267,13 +267,22 @@ def test_other_frame_of_reference_is_refused(series: tuple[list[Dataset], Volume
     assert "\n" not in str(error.value)
 
 
+def test_a_frame_that_cannot_be_checked_is_warned_of(tmp_path: Path) -> None:
+    volume = Volume(np.zeros((4, 9, 9), np.int16), np.eye(4))
+    mask = np.zeros(volume.hu.shape, dtype=bool)
+    mask[1:3, 2:6, 2:6] = True
+    path = write_rtstruct(tmp_path / "rs.dcm", volume, {"block": mask}, "1.2.3")
+    with pytest.warns(GpubsplineWarning, match=r"rs\.dcm has a frame of reference and the CT states none"):
+        np.testing.assert_array_equal(read_mask(path, volume, "block"), mask)
+
+
 def test_what_is_no_segment_is_said(series: tuple[list[Dataset], Volume], tmp_path: Path) -> None:
     images, volume = series
     masks = two_labels(volume)
     path = write_seg(tmp_path / "seg.dcm", images, masks)
     with pytest.raises(InputError, match=r"labels 1 \(Cortex\), 2 \(Marrow\) of seg\.dcm, got femur"):
         read_mask(path, volume, "femur")
-    moved = Volume(volume.hu, volume.affine + _shift(0.3))
+    moved = Volume(volume.hu, volume.affine + _shift(0.3), "moved", volume.frame_of_reference)
     with pytest.raises(InputError, match=r"on the voxels of the CT .* beside them"):
         read_mask(path, moved, "Cortex")
     with pytest.raises(InputError, match=r"a DICOM SEG or RTSTRUCT as mask, got .* of the modality CT"):

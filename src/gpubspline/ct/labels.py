@@ -1,5 +1,6 @@
 """The labels of a segmentation on a volume's grid, read one by one, and how another grid is laid on that one."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.ct.volume import Volume
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 
 PLACE_TOLERANCE = 0.1
 """Greatest distance of a mask's corner from the volume's, in the smallest voxel edge: files round their matrices."""
@@ -98,7 +99,13 @@ class Labels:
 
 
 def check_frame(frame: str | None, volume: Volume, source: str) -> None:
-    """Raise InputError where a DICOM frame of reference is known not to be the volume's."""
+    """Raise InputError where a DICOM frame of reference is known not to be the volume's; warn where it is not known.
+
+    Warns GpubsplineWarning where the volume, such as one converted to NIfTI, does not state its own.
+    """
+    if frame and not volume.frame_of_reference:
+        words = f"{source} has a frame of reference and the CT states none: that they belong together was not checked"
+        warnings.warn(words, GpubsplineWarning, stacklevel=4)
     if frame and volume.frame_of_reference and frame != volume.frame_of_reference:
         raise InputError(
             f"expected a mask in the CT's frame of reference {volume.frame_of_reference}, got {source} in {frame}: "
