@@ -7,7 +7,7 @@ import pytest
 
 from gpubspline.analysis.load_case import load_case, read_load_case
 from gpubspline.analysis.loads import assemble
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import find_format, formats, write
 from gpubspline.export.deck import Wanted, make_deck
 from gpubspline.export.units import UNITS, find_units
@@ -131,3 +131,13 @@ def test_a_format_by_name_writes_any_extension(tmp_path, femur):
     write(femur, tmp_path / "deck.txt", format="abaqus")
     assert (tmp_path / "deck.txt").read_text().startswith("*HEADING")
     assert find_format("a.anything", "vtu").name == "vtu"
+
+
+def test_what_a_deck_has_no_card_for_is_warned_of(femur, tmp_path):
+    """Results and measures; not what its materials stand for."""
+    moved = femur.with_fields({"displacement_mm_x": femur.fields["HU"], "von_mises_mpa": femur.fields["HU"]})
+    with pytest.warns(GpubsplineWarning, match=r"\.feb holds no field displacement_mm_x, von_mises_mpa: left out"):
+        write(moved, tmp_path / "a.feb")
+    with pytest.warns(GpubsplineWarning, match=r"\.su2 holds no set some elements: left out"):
+        write(replace(femur, fields={}, cell_fields={}), tmp_path / "a.su2")
+    write(femur, tmp_path / "a.bdf")

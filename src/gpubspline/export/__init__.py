@@ -2,6 +2,8 @@
 
 import importlib
 import pkgutil
+import re
+import warnings
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gpubspline.analysis.load_case import LoadCase, load_case
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export.deck import Wanted, make_deck
 from gpubspline.export.formats import Format as Format
 from gpubspline.export.read import read_mesh as read_mesh
@@ -131,8 +133,28 @@ def write(
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)
     asked_for = Wanted(find_units(units), law, modulus_bins, nodal_modulus, case, thickness_mm, step)
     deck = make_deck(mesh, form, asked_for)
+    _warn_of_lost(mesh, form, known)
     form.write(deck, path)
     return deck.figures
+
+
+def _warn_of_lost(mesh: Mesh, form: Format, known: str) -> None:
+    """Warn of fields that a deck has no card for, and of sets beside the sides where a format has none."""
+    if form.binned and not form.fields:
+        lost = [name for name in (*mesh.fields, *mesh.cell_fields) if not _MATERIAL.match(name)]
+        if lost:
+            warnings.warn(f"{known} holds no field {', '.join(lost)}: left out", GpubsplineWarning, stacklevel=3)
+    if not form.sets:
+        sides = {*mesh.element.sides, "surface", "body"}
+        lost = [name for name in (*mesh.node_sets, *mesh.element_sets) if name not in sides]
+        if lost:
+            warnings.warn(f"{known} holds no set {', '.join(lost)}: left out", GpubsplineWarning, stacklevel=3)
+
+
+_MATERIAL = re.compile(
+    r"(HU|[EG]\d*_MPa(_\d+)?|nu\d*(_\d+)?|density_g_cm3(_\d+)?|material|scaled_jacobian|axis[12]_[xyz])$"
+)
+"""Fields that a deck's materials stand for, or that are of the mesh itself."""
 
 
 def _check_finite(mesh: Mesh) -> None:
