@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gpubspline.ct.region import Region
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.core import count_neighbours
-from gpubspline.mesh.blocks.level_set import Field
+from gpubspline.mesh.blocks.level_set import Field, bulged
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed
 from gpubspline.mesh.movable import FREE
 
@@ -107,7 +107,7 @@ def hold(hexes: Pillowed) -> Held:
 
 def level_volumes(whole: Field, parts: Sequence[Field], held: Held) -> list[Field]:
     """Distances that hold nodes: of the whole, between each pair, and from the line or point of each junction."""
-    between = {(a, b): 0.5 * (parts[a - 1] - parts[b - 1]) for a, b in held.pairs}
+    between = {(a, b): bulged(0.5 * (parts[a - 1] - parts[b - 1])) for a, b in held.pairs}
     volumes = [whole, *between.values()]
     for owners in held.junctions:
         bodies = [owner for owner in owners if owner > 0]
