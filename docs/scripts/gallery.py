@@ -1,0 +1,75 @@
+"""The README's picture of blocks: ``python docs/scripts/gallery.py DATA docs/blocks.png``.
+
+DATA is the folder of real CT and surfaces that tests look for beside the clone. Each body is meshed by the command
+line, cut through the middle and coloured by scaled Jacobian.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+import gpubspline as gb
+from gpubspline.report.quantity import quantity
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+
+VERTEBRA = "vertebra/sub-ct_label-22_ct.nii.gz"
+BODIES = {
+    "bone, the benchmark's surface": (["surfaces/bone.ply"], ["--elements", "9800"], "z"),
+    "vertebra L3, a label": (
+        [VERTEBRA, "--mask", "vertebra/sub-ct_seg-vert_label-22_msk.nii.gz"],
+        ["--label", "22", "--size", "2.2"],
+        "x",
+    ),
+    "hip, above 200 HU": (
+        ["hips/example_ct.nii.gz"],
+        ["--threshold", "200", "--box=-146,-66,-190,-100,94,160", "--fill", "volume", "--size", "3.5"],
+        "y",
+    ),
+    "head, above -200 HU": (
+        ["head/ct_example.nii.gz"],
+        ["--threshold", "-200", "--fill", "volume", "--size", "5"],
+        "z",
+    ),
+    "adult femur, the phantom": (["PHANTOM"], ["--elements", "14000"], "y"),
+}
+
+
+def draw(data: Path, path: Path) -> None:
+    """Mesh every body and draw the cuts side by side."""
+    figure, panels = plt.subplots(1, len(BODIES), figsize=(15, 3.6), layout="constrained")
+    with tempfile.TemporaryDirectory() as folder:
+        gb.write_phantom("adult-femur", Path(folder) / "PHANTOM")
+        for panel, (title, (inputs, options, clip)) in zip(panels, BODIES.items(), strict=True):
+            words = [w if w.startswith("--") else str((Path(folder) if w == "PHANTOM" else data) / w) for w in inputs]
+            made, seen = Path(folder) / "mesh.vtu", Path(folder) / "seen.png"
+            command = [sys.executable, "-m", "gpubspline", "mesh", *words, *options, "--method", "blocks"]
+            subprocess.run([*command, "-o", str(made), "--quiet"], check=True)
+            mesh = gb.read_mesh(made)
+            gb.write_picture(mesh, seen, field="scaled_jacobian", clip=clip, title=" ")
+            panel.imshow(_cut(plt.imread(seen)))
+            least = mesh.cell_fields["scaled_jacobian"].min()
+            panel.set_title(f"{title}\n{mesh.n_elements:,} hexes, worst {least:.2f}", fontsize=10)
+            panel.axis("off")
+    colours, _ = quantity("scaled_jacobian").scale(np.array([0.0, 1.0]))
+    figure.colorbar(colours, ax=panels, label="scaled Jacobian", fraction=0.012, pad=0.01)
+    figure.savefig(path, dpi=90)
+
+
+def _cut(image: np.ndarray) -> np.ndarray:
+    """The right one of a picture's two drawings, without captions, bars and margins."""
+    high, wide = image.shape[:2]
+    part = image[int(0.13 * high) : int(0.86 * high), int(0.44 * wide) : int(0.862 * wide)]
+    inked = (part[..., :3] < 0.97).any(axis=2)
+    rows, columns = (np.flatnonzero(inked.any(axis=axis)) for axis in (1, 0))
+    return part[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]), Path(sys.argv[2]))
