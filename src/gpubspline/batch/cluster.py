@@ -22,7 +22,7 @@ def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
     BackendUnavailable where dask.distributed is not installed; InputError where no scheduler answers, it has no worker,
     or its workers do not have this package.
     """
-    distributed = _import_distributed()
+    distributed = import_distributed()
     _be_quiet()
     if scheduler is None:
         with _local(distributed, workers) as cluster, distributed.Client(cluster, set_as_default=False) as client:
@@ -39,7 +39,8 @@ def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
         yield client
 
 
-def _import_distributed() -> Any:
+def import_distributed() -> Any:
+    """Give dask.distributed; raises BackendUnavailable, which names what to install, where it is missing."""
     try:
         import distributed
     except ImportError:
@@ -57,7 +58,7 @@ def _be_quiet() -> None:
 def _local(distributed: Any, workers: int) -> Any:
     """Processes of one thread each for the work, and their share of the cores for the kernels.
 
-    No web page, and no limit of memory: dask would pause or kill workers by rules made for tables.
+    Nothing listens to other machines. No limit of memory: dask would pause or kill workers by rules made for tables.
     """
     threads = str(max(1, (os.cpu_count() or 1) // workers))
     env = {"POCL_MAX_PTHREAD_COUNT": threads, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
@@ -68,7 +69,8 @@ def _local(distributed: Any, workers: int) -> Any:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # None would take port 8787 on every address
+            worker_dashboard_address="127.0.0.1:0",
             memory_limit=0,
             silence_logs=logging.CRITICAL,
             env=env,

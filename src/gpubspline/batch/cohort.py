@@ -1,6 +1,7 @@
 """A cohort worked through: what is there is kept, the rest is dealt out to workers, and every subject gets a record."""
 
 import os
+import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +17,7 @@ from gpubspline.batch.manifest import Subject
 from gpubspline.batch.record import Record, find_valid
 from gpubspline.errors import GpubsplineError, InputError
 
+LOCK = ".lock"
 TOPIC = "gpubspline-batch"
 """Of the events by which workers tell what they begin."""
 
@@ -72,6 +74,7 @@ def run_cohort(
     GpubsplineError where the scheduler is lost on the way.
     """
     watch = watch or Watch()
+    cluster.import_distributed()
     with _hold(folder):
         for place in (folder / subject.name for subject in subjects):
             if not is_ours(place):
@@ -181,7 +184,7 @@ def _hold(folder: Path) -> Iterator[None]:
         raise InputError(f"expected an existing folder to make {folder.name} in, got {folder.absolute().parent}")
     try:
         folder.mkdir(exist_ok=True)
-        file = (folder / ".lock").open("w")
+        file = (folder / LOCK).open("w")
     except OSError as error:
         raise InputError(f"cannot write in {folder}: {error.strerror}") from None
     with file:
@@ -192,4 +195,8 @@ def _hold(folder: Path) -> Iterator[None]:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise InputError(f"expected a folder that no other run is working in, got {folder}") from None
-        yield
+        try:
+            yield
+        finally:
+            if [path.name for path in folder.iterdir()] == [LOCK]:  # nothing came of it
+                shutil.rmtree(folder)

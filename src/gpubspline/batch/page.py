@@ -39,7 +39,10 @@ def _text(name: str) -> str:
 def _head(records: Sequence[Record], total: int) -> Iterator[str]:
     failed, left = sum(record.failed for record in records), total - len(records)
     yield f"<h1>Cohort of {total} subjects</h1>"
-    words = [f"{len(records) - failed} models", f"{failed} failed"] + ([f"{left} still to come"] if left else [])
+    models = len(records) - failed
+    words = [f"{models} model{'' if models == 1 else 's'}", f"{failed} failed"] + (
+        [f"{left} still to come"] if left else []
+    )
     yield f"<p>{', '.join(words)}.</p>"
 
 

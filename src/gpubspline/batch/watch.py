@@ -90,6 +90,8 @@ def cohort_lines(records: Sequence[Record]) -> list[str]:
     """How many models there are, and which stand apart."""
     failed, kept = sum(record.failed for record in records), sum(record.kept for record in records)
     apart = outliers(records)
-    lines = [f"{len(records) - failed} models, {failed} failed; {kept} of {len(records)} kept from an earlier run"]
+    models = len(records) - failed
+    made = f"{models} model{'' if models == 1 else 's'}, {failed} failed"
+    lines = [f"{made}; {kept} of {len(records)} kept from an earlier run"]
     lines += [f"outlier    {subject}: {', '.join(names)}" for subject, names in apart.items()]
     return [*lines, f"           (modified z-score above {LIMIT})"] if apart else lines
