@@ -26,6 +26,10 @@ DAMPED = 20.0
 POWERS = 12
 """Iterations that find the largest eigenvalue, and what is added for their error:"""
 MARGIN = 1.15
+CYCLES = 2
+"""Of each grid after the first, for one of the grid before it, where there are more than"""
+FEW = 4
+"""grids."""
 DIRECT = 500
 """Nodes that are solved directly."""
 CLOSE = 1.7
@@ -140,16 +144,22 @@ class Multigrid:
         self.descend()
         return finest.read(finest.vectors[1])
 
-    def descend(self) -> None:
-        """Make the finest grid's x the correction of its b."""
-        for grid, coarser in zip(self.grids, self.grids[1:], strict=False):
-            grid.smooth(still=True)
-            _restrict(grid, coarser)
-        last = self.grids[-1]
-        b, x, *_ = last.vectors
-        last.write(x, (self.coarsest @ last.read(b).ravel()).reshape(3, -1))
-        for grid, coarser in zip(self.grids[-2::-1], self.grids[:0:-1], strict=True):
-            _prolong(coarser, grid)
+    def descend(self, level: int = 0) -> None:
+        """Make the x of a grid, the finest one, the correction of its b, a V-cycle or W-cycle.
+
+        Where grids are many, those after the first cycle twice: once alone lets the iterations grow with their number.
+        """
+        grid = self.grids[level]
+        cycles = CYCLES if level and len(self.grids) > FEW else 1
+        if level == len(self.grids) - 1:
+            b, x, *_ = grid.vectors
+            grid.write(x, (self.coarsest @ grid.read(b).ravel()).reshape(3, -1))
+            return
+        for cycle in range(cycles):
+            grid.smooth(still=cycle == 0)
+            _restrict(grid, self.grids[level + 1])
+            self.descend(level + 1)
+            _prolong(self.grids[level + 1], grid)
             grid.smooth(still=False)
 
 
