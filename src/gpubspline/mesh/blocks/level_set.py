@@ -45,7 +45,7 @@ CLOSING = 0.5
 GROOVE = 0.25
 """Depth, in elements, of the groove left at the mouth of a closed crack: more than distances between samples err."""
 
-_CHUNK = 1 << 22
+_CHUNK = 1 << 20
 """Samples of the region taken at a time, which bounds the memory."""
 
 

@@ -168,13 +168,21 @@ def _merit(made: Blocks) -> tuple[bool, float]:
 
 
 def mesh_level_set(
-    level: LevelSet, device: Device, effort: Effort | None = None, parts: Mapping[str, Field] | None = None
+    level: LevelSet,
+    device: Device,
+    effort: Effort | None = None,
+    parts: Mapping[str, Field] | None = None,
+    *,
+    bulge: bool = True,
+    clamp: bool = True,
 ) -> Blocks:
     """Mesh the inside of a level set on its own lattice.
 
     Arguments
     ---------
     parts: distance, in elements, of each of the bodies that fill the inside, sampled as the level set is.
+    bulge, clamp: whether surface nodes lie outside by the sag of their faces, and stay near the core: the bench
+        switches them off.
 
     Raises
     ------
@@ -184,7 +192,8 @@ def mesh_level_set(
     cells, flips = _core(level, distances)
     hexes = pillow(cells)
     held = hold(hexes)
-    reached = within_reach(bulged(level.phi), cells > 0)
+    wanted = bulged(level.phi) if bulge else level.phi
+    reached = within_reach(wanted, cells > 0) if clamp else wanted
     volumes = np.stack(level_volumes(reached, distances, held))
     on_device = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
     nodes = movable(hexes.cells, hexes.n_nodes, held.slack, on_device, device, levels=held.levels)

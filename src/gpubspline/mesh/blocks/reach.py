@@ -10,8 +10,11 @@ from scipy.ndimage import gaussian_filter, maximum_position
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
 
-REACH = 0.7
-"""How far, in elements, a surface node may go from the boundary of the core: not to another sheet."""
+REACH = 0.9
+"""How far, in elements, a surface node may go from the boundary of the core: not to another sheet.
+
+Cells are kept by their middle: the surface passes within half their diagonal, 0.87, of the core's boundary.
+"""
 
 ROUNDING = 0.5
 """Standard deviation, in elements, of the Gaussian that takes the steps off the distance from the core."""

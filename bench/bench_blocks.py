@@ -1,0 +1,184 @@
+"""What each step of the blocks method buys, and how its time grows: ``python -m gpubspline.bench.bench_blocks [FILE]``.
+
+Prints two tables, and writes them to the file that is given. Bodies are analytic: a phantom's femur and a branching
+one whose arms are about three elements thick.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.ct.phantom import phantom
+from gpubspline.ct.region import Region
+from gpubspline.device import Device, open_device
+from gpubspline.errors import MeshError
+from gpubspline.mesh.blocks.core import cell_means, core_cells
+from gpubspline.mesh.blocks.level_set import SAMPLES, bulged, level_set
+from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh, mesh_level_set
+from gpubspline.mesh.blocks.pillow import pillow
+from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.distance import surface_distance
+from gpubspline.mesh.improve import Effort, improve
+from gpubspline.mesh.movable import FREE, movable, put_level
+
+Floats = NDArray[np.float64]
+
+OFF: dict[str, dict[str, Any]] = {
+    "all steps": {},
+    "no smoothing of the level set": {"smoothing": 0.0},
+    "no closing of cracks": {"closing": 0.0},
+    "nodes on the surface, not outside by the sag": {"bulge": False},
+    "no clamp to the core": {"clamp": False},
+    "no descent of all hexes": {"effort": Effort(steps=0)},
+    "no floors": {"effort": Effort(goal=0.0)},
+    "no descent at the floors": {"effort": Effort(floor_steps=0)},
+    "no moves of single nodes": {"effort": Effort(sweeps=0)},
+    "surface nodes never let go": {"effort": Effort(loosen=False)},
+}
+"""Steps that are switched off, one at a time."""
+
+NO_PILLOW = "no pillow"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One way to mesh a body: hexes, worst and mean scaled Jacobian, inverted hexes, volume and distance, seconds."""
+
+    body: str
+    way: str
+    elements: int
+    least: float
+    volume_error: float
+    distance: float
+    seconds: float
+
+
+def bodies() -> dict[str, tuple[Region, float]]:
+    """Regions by name, each with an element size, mm."""
+    return {"adult femur": (femur(), 4.0), "three arms": (three_arms(), 3.0)}
+
+
+def femur() -> Region:
+    """The adult femur phantom by its exact distance."""
+    made = phantom("adult-femur")
+    n_i, n_j, n_k = made.shape
+    k, j, i = np.indices((n_k, n_j, n_i))
+    points = np.stack([i, j, k], axis=-1) @ made.affine[:3, :3].T + made.affine[:3, 3]
+    distance = np.ascontiguousarray(made.distance_mm(points), dtype=np.float32)
+    return Region(distance < 0, distance, made.affine)
+
+
+def three_arms(spacing: float = 1.0) -> Region:
+    """Three capsules that meet, by their exact distance."""
+    lines = [np.arange(-32.0, 33.0, spacing), np.arange(-14.0, 21.0, spacing), np.arange(-40.0, 35.0, spacing)]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
+    ends = ((0, 0, -30), (20, 0, 25), (-18, 8, 25))
+    arms = [
+        _capsule(points, np.array(end, dtype=float), radius) for end, radius in zip(ends, (6, 4.5, 4.5), strict=True)
+    ]
+    distance = np.ascontiguousarray(np.minimum.reduce(arms), dtype=np.float32)
+    affine = np.diag([spacing, spacing, spacing, 1.0])
+    affine[:3, 3] = [line[0] for line in lines]
+    return Region(distance < 0, distance, affine)
+
+
+def _capsule(points: Floats, end: Floats, radius: float) -> Floats:
+    along = np.clip(points @ end / (end @ end), 0, 1)[..., None]
+    return np.asarray(np.linalg.norm(points - along * end, axis=-1) - radius)
+
+
+def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iterator[Outcome]:
+    """Outcomes with every step, and without each in turn; on one lattice, so that nothing is tried twice."""
+    for way, options in OFF.items():
+        of_level = {name: value for name, value in options.items() if name in ("smoothing", "closing")}
+        of_mesh = {name: value for name, value in options.items() if name not in of_level}
+        yield _timed(
+            region,
+            body,
+            way,
+            size_mm,
+            device,
+            lambda of_level=of_level, of_mesh=of_mesh: mesh_level_set(
+                level_set(region, size_mm, device=device, **of_level), device, **of_mesh
+            ),
+        )
+    start = time.perf_counter()
+    elements, least = without_pillow(region, size_mm, device)
+    yield Outcome(body, NO_PILLOW, elements, least, np.nan, np.nan, time.perf_counter() - start)
+
+
+def _timed(region: Region, body: str, way: str, size_mm: float, device: Device, make: Callable[[], Blocks]) -> Outcome:
+    start = time.perf_counter()
+    try:
+        made = make()
+    except MeshError:
+        return Outcome(body, way, 0, -1.0, np.nan, np.nan, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    off = surface_distance(made.mesh, region, device).mean / size_mm
+    volume = made.mesh.volume_mm3 / region.volume_mm3 - 1
+    return Outcome(body, way, made.mesh.n_elements, made.report.min_scaled_jacobian, volume, off, seconds)
+
+
+def without_pillow(region: Region, size_mm: float, device: Device) -> tuple[int, float]:
+    """Hexes of the core alone, its boundary on the surface: their number and the worst scaled Jacobian."""
+    level = level_set(region, size_mm, device=device)
+    means = cell_means(level)
+    whole = pillow(repair(core_cells(means), means)[0])
+    count = int((whole.cells < whole.n_core).all(axis=1).sum())
+    slack = np.full(whole.n_core, FREE)
+    slack[whole.below] = 0.0
+    held = put_level(bulged(level.phi), np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
+    hexes = movable(whole.cells[:count], whole.n_core, slack, held, device)
+    x = device.put(np.ascontiguousarray(whole.points[: whole.n_core].T))
+    return count, improve(hexes, whole.colours[: whole.n_core], x, slack, replace(Effort(), loosen=False)).least
+
+
+def growth(sizes_mm: tuple[float, ...], device: Device) -> Iterator[Outcome]:
+    """The three arms at smaller and smaller elements."""
+    region = three_arms()
+    for size in sizes_mm:
+        yield _timed(
+            region,
+            "three arms",
+            f"{size:g} mm",
+            size,
+            device,
+            lambda size=size: blocks_mesh(region, size, device=device, attempts=1),
+        )
+
+
+def table(outcomes: list[Outcome]) -> Iterator[str]:
+    """Lines of a table in Markdown."""
+    yield "| body | way | hexes | worst scaled Jacobian | volume | mean distance / size | time | time / hex |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for row in outcomes:
+        volume, distance = (
+            "-" if np.isnan(value) else text
+            for value, text in ((row.volume_error, f"{row.volume_error:+.2%}"), (row.distance, f"{row.distance:.3f}"))
+        )
+        least = f"{row.least:.3f}" if row.least > 0 else "inverted"
+        each = f"{1e6 * row.seconds / row.elements:.0f} us" if row.elements else "-"
+        cells = (row.body, row.way, f"{row.elements:,}", least, volume, distance, f"{row.seconds:.1f} s", each)
+        yield f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the tables."""
+    device = open_device("auto")
+    blocks_mesh(three_arms(), 6.0, device=device)  # compiles the kernels
+    lines = ["## What each step buys", ""]
+    lines += table([o for body, (region, size) in bodies().items() for o in ablations(region, body, size, device)])
+    lines += ["", "## Time with size", "", *table(list(growth((3.0, 2.0, 1.4, 1.0), device)))]
+    print("\n".join(lines))
+    if len(sys.argv) > 1:
+        Path(sys.argv[1]).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
