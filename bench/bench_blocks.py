@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from gpubspline.mesh.blocks.pillow import pillow
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.distance import surface_distance
 from gpubspline.mesh.improve import Effort, improve
+from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FREE, movable, put_level
 
 Floats = NDArray[np.float64]
@@ -104,13 +106,17 @@ def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iter
             way,
             size_mm,
             device,
-            lambda of_level=of_level, of_mesh=of_mesh: mesh_level_set(
-                level_set(region, size_mm, device=device, **of_level), device, **of_mesh
-            ),
+            partial(_on_one_lattice, region, size_mm, device, of_level, of_mesh),
         )
     start = time.perf_counter()
     elements, least = without_pillow(region, size_mm, device)
     yield Outcome(body, NO_PILLOW, elements, least, np.nan, np.nan, time.perf_counter() - start)
+
+
+def _on_one_lattice(
+    region: Region, size_mm: float, device: Device, of_level: dict[str, Any], of_mesh: dict[str, Any]
+) -> Blocks:
+    return mesh_level_set(level_set(region, size_mm, device=device, **of_level), device, **of_mesh)
 
 
 def _timed(region: Region, body: str, way: str, size_mm: float, device: Device, make: Callable[[], Blocks]) -> Outcome:
@@ -128,14 +134,15 @@ def _timed(region: Region, body: str, way: str, size_mm: float, device: Device, 
 def without_pillow(region: Region, size_mm: float, device: Device) -> tuple[int, float]:
     """Hexes of the core alone, its boundary on the surface: their number and the worst scaled Jacobian."""
     level = level_set(region, size_mm, device=device)
-    means = cell_means(level)
-    whole = pillow(repair(core_cells(means), means)[0])
-    count = int((whole.cells < whole.n_core).all(axis=1).sum())
+    means = cell_means(level.phi)
+    core = repair(core_cells(means), means)[0]
+    whole, count = pillow(core), int(np.count_nonzero(core))
+    cells, points = whole.cells[:count], whole.points[: whole.n_core]
     slack = np.full(whole.n_core, FREE)
-    slack[whole.below] = 0.0
+    slack[Mesh(points, "hex8", connectivity=cells).boundary()] = 0.0
     held = put_level(bulged(level.phi), np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
-    hexes = movable(whole.cells[:count], whole.n_core, slack, held, device)
-    x = device.put(np.ascontiguousarray(whole.points[: whole.n_core].T))
+    hexes = movable(cells, whole.n_core, slack, held, device)
+    x = device.put(np.ascontiguousarray(points.T))
     return count, improve(hexes, whole.colours[: whole.n_core], x, slack, replace(Effort(), loosen=False)).least
 
 
@@ -149,7 +156,7 @@ def growth(sizes_mm: tuple[float, ...], device: Device) -> Iterator[Outcome]:
             f"{size:g} mm",
             size,
             device,
-            lambda size=size: blocks_mesh(region, size, device=device, attempts=1),
+            partial(blocks_mesh, region, size, device=device, attempts=1),
         )
 
 
