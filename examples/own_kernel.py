@@ -13,10 +13,10 @@ import numpy as np
 import gpubspline as gb
 
 device = gb.open_device()
-volume = gb.phantom("adult-femur").scan()
+volume = gb.phantom("child-femur").scan()
 region = gb.region_from_threshold(volume, gb.otsu_threshold(volume))
-patch = gb.fit(gb.control_lattice(volume, region, (14, 24, 46)), degree=3, device=device).patch
-mesh, _ = gb.apply_material(gb.sample(patch, (14, 24, 46), device=device), device=device)
+patch = gb.fit(gb.control_lattice(volume, region, (11, 18, 34)), degree=3, device=device).patch
+mesh, _ = gb.apply_material(gb.sample(patch, (11, 18, 34), device=device), device=device)
 
 fields = [mesh.fields[name] for name in ("E_MPa", "nu", "density_g_cm3")]
 speed = device.empty(mesh.n_nodes)
