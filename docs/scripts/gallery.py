@@ -11,9 +11,14 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 
 import gpubspline as gb
+from gpubspline.report.camera import OBLIQUE, Camera
+from gpubspline.report.painter import paint
 from gpubspline.report.quantity import quantity
+from gpubspline.report.skin import cut_skin
 
 matplotlib.use("Agg")
 
@@ -43,32 +48,35 @@ BODIES = {
 
 def draw(data: Path, path: Path) -> None:
     """Mesh every body and draw the cuts side by side."""
+    colours, _ = quantity("scaled_jacobian").scale(np.array([0.0, 1.0]))
     figure, panels = plt.subplots(1, len(BODIES), figsize=(15, 3.6), layout="constrained")
     with tempfile.TemporaryDirectory() as folder:
         gb.write_phantom("adult-femur", Path(folder) / "PHANTOM")
         for panel, (title, (inputs, options, clip)) in zip(panels, BODIES.items(), strict=True):
             words = [w if w.startswith("--") else str((Path(folder) if w == "PHANTOM" else data) / w) for w in inputs]
-            made, seen = Path(folder) / "mesh.vtu", Path(folder) / "seen.png"
+            made = Path(folder) / "mesh.vtu"
             command = [sys.executable, "-m", "gpubspline", "mesh", *words, *options, "--method", "blocks"]
             subprocess.run([*command, "-o", str(made), "--quiet"], check=True)
             mesh = gb.read_mesh(made)
-            gb.write_picture(mesh, seen, field="scaled_jacobian", clip=clip, title=" ")
-            panel.imshow(_cut(plt.imread(seen)))
+            _draw_cut(panel, mesh, "xyz".index(clip), colours)
             least = mesh.cell_fields["scaled_jacobian"].min()
             panel.set_title(f"{title}\n{mesh.n_elements:,} hexes, worst {least:.2f}", fontsize=10)
-            panel.axis("off")
-    colours, _ = quantity("scaled_jacobian").scale(np.array([0.0, 1.0]))
     figure.colorbar(colours, ax=panels, label="scaled Jacobian", fraction=0.012, pad=0.01)
     figure.savefig(path, dpi=90)
 
 
-def _cut(image: np.ndarray) -> np.ndarray:
-    """The right one of a picture's two drawings, without captions, bars and margins."""
-    high, wide = image.shape[:2]
-    part = image[int(0.13 * high) : int(0.86 * high), int(0.44 * wide) : int(0.862 * wide)]
-    inked = (part[..., :3] < 0.97).any(axis=2)
-    rows, columns = (np.flatnonzero(inked.any(axis=axis)) for axis in (1, 0))
-    return part[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+def _draw_cut(panel: Axes, mesh: gb.Mesh, axis: int, colours: ScalarMappable) -> None:
+    """The half behind a cut, seen a little from the side."""
+    oblique = Camera.looking(OBLIQUE)
+    shell, normal = cut_skin(mesh, "scaled_jacobian", oblique.toward, axis)
+    camera = Camera.looking(normal + 0.35 * (oblique.toward - (oblique.toward @ normal) * normal))
+    picture, _ = camera.project(shell.corners.reshape(-1, 3))
+    (left, low), (right, high) = picture.min(axis=0), picture.max(axis=0)
+    panel.set_xlim(left, right)
+    panel.set_ylim(low, high)
+    panel.set_aspect("equal")
+    panel.axis("off")
+    paint(panel, shell, camera, colours)
 
 
 if __name__ == "__main__":
