@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, maximum_position
+from scipy.ndimage import gaussian_filter
 
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
@@ -82,8 +82,10 @@ def lost_features(level: LevelSet, reached: NDArray[np.float32]) -> tuple[LostFe
     count = int(bodies.max(initial=0))
     if not count:
         return ()
-    places = np.array(maximum_position(out, bodies, np.arange(1, count + 1)), dtype=np.int64)
-    depths = out[tuple(places.T)]
+    lost = np.flatnonzero(bodies)
+    order = lost[np.lexsort((-out.reshape(-1)[lost], bodies.reshape(-1)[lost]))]  # the farthest out of each body first
+    firsts = order[np.searchsorted(bodies.reshape(-1)[order], np.arange(1, count + 1))]
+    places, depths = np.stack(np.unravel_index(firsts, out.shape), axis=1), out.reshape(-1)[firsts]
     order = np.argsort(-depths, kind="stable")
     kept = order[depths[order] > LEAST_LOSS]
     at = level.in_mm(places[kept][:, ::-1] / SAMPLES)
