@@ -19,12 +19,13 @@ def test_lost_features_by_hand():
 
 
 def test_a_level_set_is_clamped_to_the_core():
-    cells = np.zeros((8, 8, 8), dtype=bool)
-    cells[3:5, 3:5, 3:5] = True
-    shape = (8 * SAMPLES + 1,) * 3
+    cells = np.zeros((12, 12, 12), dtype=bool)
+    cells[3:9, 3:9, 3:9] = True
+    shape = (12 * SAMPLES + 1,) * 3
     distance = core_distance(cells, shape)
-    middle = 4 * SAMPLES
-    assert distance[middle, middle, middle] < -0.4 and distance[0, 0, 0] > 4
-    assert abs(distance[middle, middle, 3 * SAMPLES]) < 0.2  # the middle of a face of the core
+    middle = 6 * SAMPLES
+    assert distance[middle, middle, middle] < -2
+    assert distance[middle, middle, 3 * SAMPLES] == pytest.approx(0, abs=0.05)  # the middle of a face of the core
+    assert distance[middle, middle, SAMPLES] == pytest.approx(2, abs=0.05)
     far = within_reach(np.full(shape, -9.0, np.float32), cells)
     assert np.array_equal(far, distance - np.float32(REACH))
