@@ -53,7 +53,8 @@ def core_distance(cells: Cells, shape: tuple[int, ...]) -> NDArray[np.float32]:
     for axis in range(3):
         fine = np.repeat(fine, SAMPLES, axis=axis)
     image = sitk.GetImageFromArray(fine.astype(np.uint8))
-    distance = sitk.GetArrayFromImage(sitk.SignedMaurerDistanceMap(image, False, False, False)) / np.float32(SAMPLES)
+    steps = sitk.GetArrayFromImage(sitk.SignedMaurerDistanceMap(image, False, False, False))
+    distance = (steps - np.float32(0.5)) / np.float32(SAMPLES)  # steps count from the middles of the outermost thirds
     rounded = gaussian_filter(distance, ROUNDING * SAMPLES, truncate=3.0, mode="nearest")
     for axis in range(3):  # from the middles of thirds of cells to their corners
         rounded = np.concatenate(
