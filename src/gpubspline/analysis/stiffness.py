@@ -41,6 +41,9 @@ class Stiffness:
         None; ``lame`` is then that of the mean modulus, which preconditions.
     start, slots: (n + 1,) and (k m,) where the elements of each node keep their forces on it.
     forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
+    structure: nodes per direction, where the mesh is structured and of isotropic hex8 of full integration, else None;
+        ``apply`` then needs no connectivity.
+    shares: (24 n) that it writes on the way, see ``structured_elasticity.py``; else None.
     """
 
     device: Device
@@ -60,6 +63,8 @@ class Stiffness:
     forces: Buffer
     fluxes: Buffer
     roots: tuple[Buffer, Buffer, Buffer] | None = None
+    structure: tuple[int, ...] | None = None
+    shares: Buffer | None = None
 
     @property
     def n_points(self) -> int:
@@ -68,8 +73,15 @@ class Stiffness:
 
     def apply(self, displacement: Buffer, free: Buffer, out: Buffer) -> None:
         """Write the nodal forces K u (3, n), N, of a displacement u (3, n), mm; 0 where ``free`` (3, n) is 0."""
-        self.element_forces(displacement)
-        self._gather(self.forces, 3, free, out)
+        if self.structure is None:
+            self.element_forces(displacement)
+            self._gather(self.forces, 3, free, out)
+            return
+        launched = tuple(n - 1 for n in reversed(self.structure))
+        where = (self.points, displacement, *self.structure)
+        self.device.launch("structured_elasticity.shares", launched, *where, *self.lame, self.shares)
+        n_u, n_rows = self.structure[0], self.n_nodes // self.structure[0]
+        self.device.launch("structured_elasticity.sum_shares", (n_rows, n_u), self.shares, free, n_u, n_rows, out)
 
     def element_forces(self, displacement: Buffer) -> None:
         """Write what each element gives its nodes, N, into ``forces`` (3, k, m)."""
@@ -133,6 +145,8 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
     lame = [device.put(values) for values in lame_moduli(mesh, cells, element.shape(at), modulus)]
     start, slots = _slots(cells, mesh.n_nodes)
     modes, roots = device.empty(1), _roots(mesh, device)
+    simple = element.n_nodes == 8 and roots is None and formulation == "full"
+    by_rows = mesh.structure if simple and 24 * mesh.n_nodes < 2**31 else None  # 32-bit numbers count the shares
     if formulation == "incompatible":
         modes = _inverse_modes(device, points, mesh.n_nodes, nodes, mesh.n_elements, lame)
     return Stiffness(
@@ -153,6 +167,8 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         forces=device.empty(3 * cells.size),
         fluxes=device.empty(1 if element.n_nodes == 8 and roots is None else 9 * len(weights) * mesh.n_elements),
         roots=roots,
+        structure=by_rows,
+        shares=None if by_rows is None else device.put(np.zeros(24 * mesh.n_nodes, device.real)),
     )
 
 
