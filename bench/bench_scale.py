@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from math import floor, log10
 from pathlib import Path
 from time import perf_counter, sleep
 
@@ -75,5 +76,9 @@ def draw(found: Sequence[Row], path: Path) -> None:
     for axes, name, heights in zip(panels, ("time, s", "peak memory, GB"), values, strict=True):
         axes.loglog(nodes, heights, "o-", color="#1f5fa8")
         axes.set(xlabel="nodes", title=name)
+        low, high = (max(end, 1e-3) for end in (min(heights), max(heights)))  # no memory is known without /proc
+        axes.set_ylim(10.0 ** floor(log10(low)), 10.0 ** (floor(log10(high)) + 1))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("")
         axes.grid(alpha=0.3, which="both")
     figure.savefig(path, dpi=150)
