@@ -72,7 +72,7 @@ def attempt(order: Order, task: Task, device: str, worker: str) -> Record:
 def _outcome(task: Task, subject: Subject, partial: Path, device: str, log: Path) -> dict[str, Any]:
     try:
         return {"figures": task(subject, partial, device)}
-    except Exception as error:
+    except Exception as error:  # a subject may fail in any way: it is recorded, and the others go on
         for path in partial.iterdir():  # of a failure nothing is kept
             path.unlink()
         expected = isinstance(error, GpubsplineError)

@@ -170,7 +170,7 @@ def _record(future: Any, order: Order) -> Record:
         return record
     except KilledWorker:
         words = "its worker died each time that it was tried: not enough memory, or a crash"
-    except Exception as error:
+    except Exception as error:  # whatever the worker raised, or dask for it
         if future.cancelled():
             raise GpubsplineError("the dask scheduler was lost; run the same command again to go on") from None
         words = describe(error)

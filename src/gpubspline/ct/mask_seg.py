@@ -28,7 +28,7 @@ def open_seg(path: Path, volume: Volume) -> Labels:
             image = highdicom.seg.segread(path)
             numbers = [int(number) for number in image.segment_numbers]
             names = {number: str(image.get_segment_description(number).segment_label) for number in numbers}
-    except Exception as error:
+    except Exception as error:  # pydicom and highdicom raise many kinds for a damaged or another file
         raise InputError(f"cannot read {path.name} as DICOM SEG: {_line(error)}") from None
     check_frame(str(image.get("FrameOfReferenceUID") or ""), volume, path.name)
 
@@ -48,7 +48,7 @@ def _grid_of(image: Any, number: int, path: Path) -> tuple[Any, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = image.get_volume(segment_numbers=[number])
-    except Exception as error:
+    except Exception as error:  # and several for frames that make no grid
         raise InputError(f"expected frames on one regular grid in {path.name}, got others: {_line(error)}") from None
     affine = np.array(found.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
     return np.asarray(found.array)[..., 0], affine
