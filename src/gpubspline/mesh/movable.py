@@ -114,7 +114,7 @@ class Movable:
         m, device = self.n_elements, self.device
         wanted = (float(goal.jacobian), goal.power, float(goal.edges))
         device.launch(
-            "optimize.hex_energy",
+            "energy.hex_energy",
             m,
             x,
             self.n_nodes,
@@ -127,7 +127,7 @@ class Movable:
         )
         table = (self.start, self.slots, self.normal, self.slack, self.levels)
         args = (self.shares, m, *table, self.n_nodes, gradient)
-        device.launch("optimize.node_gradient", self.n_nodes, *args)
+        device.launch("energy.node_gradient", self.n_nodes, *args)
         parts = device.empty(PARTS)
         device.launch("vectors.dot_parts", PARTS, self.energy, self.ones, m, PARTS, parts)
         return float(np.sum(device.get(parts), dtype=np.float64))
