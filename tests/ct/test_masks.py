@@ -75,6 +75,26 @@ def test_absent_labels_and_empty_masks_are_errors(tmp_path, volume):
         read_mask(tmp_path / "m.stl", volume)
 
 
+@pytest.mark.parametrize("extension", [".nrrd", ".npy"])  # of NIfTI the header's reader says it
+def test_masks_of_anything_but_labels_are_refused(tmp_path, volume, extension):
+    def keep(values):
+        path = tmp_path / f"m{extension}"
+        np.save(path, values) if extension == ".npy" else write(path, values)
+        return path
+
+    wild = labels().astype(np.float32)
+    wild[0, 0, 1] = np.nan
+    with pytest.raises(InputError, match=r"got NaN or infinity in 1 of 120 voxels"):
+        read_mask(keep(wild), volume)
+    soft = np.linspace(0, 1, 120, dtype=np.float32).reshape(4, 5, 6)
+    with pytest.raises(InputError, match=r"whole numbers as labels in m\..*, got 119 values such as 0\.0084"):
+        read_mask(keep(soft), volume)
+    scaled = (labels() > 0) * np.float32(0.5)
+    np.testing.assert_array_equal(read_mask(keep(scaled), volume, label=1), labels() > 0)
+    with pytest.raises(InputError, match=r"one of the labels 3, 7 of m\..*, got \u00b2"):
+        read_mask(keep(labels()), volume, label="\u00b2")
+
+
 def test_vertebra_labels_lie_on_their_ct(data):
     volume = read_volume(data / "vertebra" / "sub-ct_label-22_ct.nii.gz")
     path = data / "vertebra" / "sub-ct_seg-vert_label-22_msk.nii.gz"

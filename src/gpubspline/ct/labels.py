@@ -53,7 +53,7 @@ class Labels:
         Raises InputError where there is none, naming those that are there.
         """
         wanted = str(label).strip()
-        if wanted.lstrip("-").isdigit() and int(wanted) in self.names:
+        if wanted.lstrip("-").isdecimal() and int(wanted) in self.names:
             return int(wanted)
         found = [number for number, name in self.names.items() if name and name.lower() == wanted.lower()]
         if len(found) > 1:

@@ -66,8 +66,8 @@ def _of_values(layers: list[NDArray[Any]], names: dict[tuple[int, int], str], pa
     where: dict[int, tuple[int, float]] = {}
     titles: dict[int, str] = {}
     for layer, values in enumerate(layers):
-        for value in _values_of(values):
-            wanted = int(value) if float(value).is_integer() else 1
+        for value in _values_of(values, path):
+            wanted = int(value) if float(value).is_integer() else 1  # of a scaled mask, the one value
             number = wanted if wanted not in where else max(where) + 1
             where[number] = (layer, value)
             titles[number] = names.get((layer, wanted), "")
@@ -79,15 +79,28 @@ def _of_values(layers: list[NDArray[Any]], names: dict[tuple[int, int], str], pa
     return Labels(path.name, titles, read, lambda: Segment(np.logical_or.reduce([values != 0 for values in layers])))
 
 
-def _values_of(values: NDArray[Any]) -> NDArray[Any]:
-    """Values that occur, but for 0."""
+def _values_of(values: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Values that occur, but for 0: whole numbers, or one other, as of a mask that was scaled.
+
+    Raises InputError where one is NaN or infinite, or where they are parts: a probability above 0 is not all inside.
+    """
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:  # counted, not sorted
         least = int(values.min())
         return np.asarray(
             [v + least for v in np.flatnonzero(np.bincount(values.ravel() - np.int32(least))) if v + least]
         )
     found = np.unique(values)
-    return np.asarray(found[found != 0])
+    found = found[found != 0]
+    if not np.isfinite(found).all():
+        bad = int(np.count_nonzero(~np.isfinite(values)))
+        raise InputError(f"expected labels in {path.name}, got NaN or infinity in {bad} of {values.size} voxels")
+    parts = found[found != np.rint(found)]
+    if len(parts) and len(found) > 1:
+        raise InputError(
+            f"expected whole numbers as labels in {path.name}, got {len(found)} values such as {parts[0]:g}: if they "
+            "are probabilities or an interpolated mask, threshold them first, at 0.5 for example"
+        )
+    return np.asarray(found)
 
 
 def _segment_fields(path: Path) -> dict[str, str]:
