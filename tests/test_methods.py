@@ -77,6 +77,11 @@ def test_auto_takes_the_first_that_fits(level, method, why, device):
     assert chosen.method == method and re.search(why, chosen.why)
 
 
+def test_what_blocks_have_no_use_for_is_warned_of(device):
+    with pytest.warns(GpubsplineWarning, match="--degree does nothing in blocks"):
+        choose(body_of(fork), Meshing(), Shaping(degree=(2,)), Sampling(law()), "z", device)
+
+
 def test_a_size_is_not_for_tensor(device):
     chosen = choose(body_of(oval), Meshing(elements=900), Shaping(), Sampling(law()), "z", device)
     assert chosen.method == "butterfly"
@@ -90,6 +95,7 @@ def test_a_size_is_not_for_tensor(device):
         ({"shaping": Shaping(fit="interpolate")}, "tensor"),
         ({"shaping": Shaping(row_smoothing=0.0)}, "tensor"),
         ({"sliced": True}, "tensor"),
+        ({"structured": True}, "tensor"),
         ({"shaping": Shaping(control=(5, 5, 4, 5))}, "butterfly"),
         ({"sampling": Sampling(law(), (5, 5, 4, 5))}, "butterfly"),
         ({"meshing": Meshing("blocks")}, "blocks"),
@@ -111,6 +117,10 @@ def test_what_implies_a_method(options, method):
         ({"meshing": Meshing("tensor", size_mm=2.0)}, "--size or --elements for butterfly or blocks"),
         ({"meshing": Meshing(size_mm=2.0), "sampling": Sampling(law(), (5, 5, 5))}, "got --nodes of the tensor method"),
         ({"meshing": Meshing(elements=5), "sliced": True}, "got --slice of the tensor method"),
+        ({"meshing": Meshing("blocks"), "structured": True}, r"no --output \.vts, which is for tensor, with"),
+        ({"meshing": Meshing(size_mm=2.0), "structured": True}, r"got --output \.vts of the tensor method"),
+        ({"meshing": Meshing("blocks"), "shaping": Shaping(degree=(2,))}, "no --degree, which is for tensor and b"),
+        ({"meshing": Meshing("blocks"), "shaping": Shaping(interpolation="cubic")}, "no --interpolation, which is for"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(options, words):
@@ -221,6 +231,9 @@ def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
         (["mesh", ball, "--size", 1, "--elements", 10, *out], "got both"),
         (["mesh", ball, "--method", "blocks", "--nodes", "3,3,3", *out], "--nodes, which is for tensor"),
         (["mesh", ball, "--method", "blocks", "--size", 40, *out], "thicker than an element"),
+        (["mesh", fork_file, "--method", "blocks", "-o", tmp_path / "m.vts"], "no --output .vts, which is for tensor"),
+        (["mesh", fork_file, "--size", 2, "-o", tmp_path / "m.x", "--format", "vts"], "got --output .vts of the te"),
+        (["mesh", ball, "-o", tmp_path / "m.vts"], "a CT for the tensor method (--output .vts is for it)"),
         (["mesh", ball, "--picture", tmp_path / "p.png", "--field", "HU_max", *out], "for --field"),
     ):
         status, said, err = run(*words)

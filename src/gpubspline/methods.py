@@ -46,8 +46,12 @@ class Meshed:
     figures: dict[str, Any] = field(default_factory=dict)
 
 
-def implied(meshing: Meshing, shaping: Shaping, sampling: Sampling, sliced: bool = False) -> Choice | None:
+def implied(
+    meshing: Meshing, shaping: Shaping, sampling: Sampling, sliced: bool = False, structured: bool = False
+) -> Choice | None:
     """Method that is asked for by name, or that options of one method alone imply; None where it is free.
+
+    ``sliced`` is whether one slice is meshed, ``structured`` whether the output holds structured meshes only.
 
     Raises
     ------
@@ -57,7 +61,7 @@ def implied(meshing: Meshing, shaping: Shaping, sampling: Sampling, sliced: bool
         raise InputError(f"expected the method {', '.join(METHODS)}, got {meshing.method!r}")
     sized = meshing.size_mm is not None or meshing.elements is not None
     asked = {
-        "tensor": _tensor_options(shaping, sampling, sliced),
+        "tensor": _tensor_options(shaping, sampling, sliced, structured),
         "butterfly": [
             f"--{name} of four counts"
             for name, counts in (("control", shaping.control), ("nodes", sampling.nodes))
@@ -73,13 +77,16 @@ def implied(meshing: Meshing, shaping: Shaping, sampling: Sampling, sliced: bool
         if options and meshing.method not in ("auto", method):
             raise InputError(f"expected no {options[0]}, which is for {method}, with --method {meshing.method}")
     if meshing.method != "auto":
+        for option in _spline_options(shaping) if meshing.method == "blocks" else ():
+            raise InputError(f"expected no {option}, which is for tensor and butterfly, with --method blocks")
         return Choice(meshing.method, "asked for")
     given = next((method for method, options in asked.items() if options), None)
     return None if given is None else Choice(given, f"{asked[given][0]} is for it")
 
 
-def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool) -> list[str]:
+def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool, structured: bool) -> list[str]:
     given = {
+        "--output .vts": structured,
         "--slice": sliced,
         "--control": shaping.control is not None and len(shaping.control) < 4,
         "--nodes": sampling.nodes is not None and len(sampling.nodes) < 4,
@@ -89,8 +96,21 @@ def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool) -> list[
     return [name for name, there in given.items() if there]
 
 
+def _spline_options(shaping: Shaping) -> list[str]:
+    """Options of both methods that have splines, which blocks have not."""
+    given = {"--degree": shaping.degree != Shaping.degree, "--interpolation": shaping.interpolation != "linear"}
+    return [name for name, there in given.items() if there]
+
+
 def choose(
-    body: Body, meshing: Meshing, shaping: Shaping, sampling: Sampling, axis: str, device: Device, sliced: bool = False
+    body: Body,
+    meshing: Meshing,
+    shaping: Shaping,
+    sampling: Sampling,
+    axis: str,
+    device: Device,
+    sliced: bool = False,
+    structured: bool = False,
 ) -> Choice:
     """Take the method asked for or implied; else the simplest that fits the body.
 
@@ -98,7 +118,7 @@ def choose(
     number is asked for, which it does not know; five patches where every section is one part without holes; else
     blocks.
     """
-    found = implied(meshing, shaping, sampling, sliced)
+    found = implied(meshing, shaping, sampling, sliced, structured)
     if found is not None:
         patches = _patches(body, shaping, axis, device) if found.method == "butterfly" else None
         return Choice(found.method, found.why, patches)
@@ -109,6 +129,8 @@ def choose(
         made = _patches(body, shaping, axis, device)
     except InputError as error:
         _, _, got = str(error).partition(", got ")
+        for option in _spline_options(shaping):
+            warnings.warn(f"{option} does nothing in blocks, which have no splines", GpubsplineWarning, stacklevel=2)
         return Choice("blocks", f"no butterfly: {got.partition(': ')[0] or error}")
     return Choice("butterfly", "every section is one part without holes", made)
 

@@ -50,15 +50,15 @@ def mesh(
     sampling, device = sampled.sampling(), run.open()
     surface = is_surface(source[0])
     files.check_field(() if surface and method.ct is None else ("HU",))
-    implied = methods.implied(meshing, shaping, sampling, sliced)  # refuses before any work what does not fit together
+    structured = files.structured(deck)
+    # refuses before any work what does not fit together
+    implied = methods.implied(meshing, shaping, sampling, sliced, structured)
     if surface and implied is not None and implied.method == "tensor":
         raise InputError(f"expected a CT for the tensor method ({implied.why}), got a surface: butterfly or blocks")
     with run.clock() as clock:
         body = _body(source, wanted, region, method, meshing, device, clock)
         with clock.stage("method"):
-            choice = _streamed(files, sampling) or methods.choose(
-                body, meshing, shaping, sampling, spline.axis, device, sliced
-            )
+            choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
         if choice.method == "tensor":
             fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
             model = files.make(fitted.fit.patch, sampling, device, clock, body)
@@ -91,13 +91,6 @@ def _body(
     if len(source) > 1 or region != RegionOptions():
         raise InputError(f"expected one surface, without options that find a body in CT, got {source[0].name} and more")
     return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
-
-
-def _streamed(files: OutputOptions, sampling: Any) -> Any:
-    """The tensor method, where the output is a file that only structured meshes have."""
-    from gpubspline.methods import Choice
-
-    return Choice("tensor", ".vts holds structured meshes") if files.output.suffix.lower() == ".vts" else None
 
 
 def _warn_of_bridges(figures: dict[str, Any]) -> None:

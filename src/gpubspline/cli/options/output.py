@@ -54,6 +54,12 @@ class OutputOptions:
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
 
+    def structured(self, deck: DeckOptions) -> bool:
+        """Whether the output is of a format that holds structured meshes only."""
+        from gpubspline.export import find_format
+
+        return find_format(self.output, deck.format).name == "vts"
+
     def check_field(self, channels: Iterable[str]) -> None:
         """Raise InputError where the picture asks for a field that the mesh will not have.
 
