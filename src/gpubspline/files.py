@@ -11,11 +11,14 @@ from gpubspline.errors import InputError
 
 def check_writable(path: Path) -> None:
     """Raise ``InputError`` where no file can be written at ``path``, before any work is done for it."""
+    path = _followed(path)
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InputError(f"expected an existing folder for {path.name}, got {folder}, which does not exist")
     if path.is_dir():
         raise InputError(f"expected a file to write, got the folder {path}")
+    if path.exists() and not path.is_file():  # a file would take the place of /dev/null, where root may
+        raise InputError(f"expected a file to write, got the device or pipe {path}")
     try:  # root may pass os.access on a read-only file system: try
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -43,9 +46,10 @@ def check_apart(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path`` that replaces it when the block ends without an error.
 
-    The temporary name keeps the extension, since writers choose their format by it.
+    The temporary name keeps the extension, since writers choose their format by it. A link stays one: what it leads to
+    is replaced.
     """
-    path = Path(path)
+    path = _followed(Path(path))
     check_writable(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -53,3 +57,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _followed(path: Path) -> Path:
+    """Where a link leads to; what is no link itself."""
+    return path.resolve() if path.is_symlink() else path
