@@ -376,6 +376,11 @@ def test_no_input_is_overwritten(run: Command, femur: Path, tmp_path: Path) -> N
     np.save(tmp_path / "ct.npy", samples)
     words = ["--spacing", "1,1,1", "--summary", tmp_path / "ct.npy"]
     assert_one_line(*run("mesh", tmp_path / "ct.npy", "-o", tmp_path / "n.vtu", *words)[::2], "a file of its own")
+    (tmp_path / "law.toml").write_text("")
+    np.save(tmp_path / "mask.npy", samples)
+    for option, name in (("--mask", "mask.npy"), ("--labels", "mask.npy"), ("--law", "law.toml")):
+        words = ["--spacing", "1,1,1", option, tmp_path / name, "--summary", tmp_path / name]
+        assert_one_line(*run("mesh", tmp_path / "ct.npy", "-o", tmp_path / "n.vtu", *words)[::2], "a file of its own")
     assert mesh.read_bytes() == before and np.array_equal(np.load(tmp_path / "ct.npy"), samples)
 
 

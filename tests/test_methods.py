@@ -10,6 +10,7 @@ from gpubspline.clock import Clock
 from gpubspline.ct.region import region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
 from gpubspline.mesh.quality import assess
 from gpubspline.methods import choose, implied, is_row_convex, mesh_body, warn_of_bridges
@@ -119,6 +120,10 @@ def test_what_implies_a_method(options, method):
         ({"meshing": Meshing(elements=5), "sliced": True}, "got --slice of the tensor method"),
         ({"meshing": Meshing("blocks"), "structured": True}, r"no --output \.vts, which is for tensor, with"),
         ({"meshing": Meshing(size_mm=2.0), "structured": True}, r"got --output \.vts of the tensor method"),
+        (
+            {"meshing": Meshing("blocks"), "sampling": Sampling(law(), mapping=Mapping("element-e", transverse=law()))},
+            "no --transverse-law, which is for tensor",
+        ),
         ({"meshing": Meshing("blocks"), "shaping": Shaping(degree=(2,))}, "no --degree, which is for tensor and b"),
         ({"meshing": Meshing("blocks"), "shaping": Shaping(interpolation="cubic")}, "no --interpolation, which is for"),
     ],
@@ -234,6 +239,12 @@ def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
         (["mesh", fork_file, "--method", "blocks", "-o", tmp_path / "m.vts"], "no --output .vts, which is for tensor"),
         (["mesh", fork_file, "--size", 2, "-o", tmp_path / "m.x", "--format", "vts"], "got --output .vts of the te"),
         (["mesh", ball, "-o", tmp_path / "m.vts"], "a CT for the tensor method (--output .vts is for it)"),
+        (["mesh", ball, "--mapping", "element-e", *out], "--ct, which the material of a surface comes from, with --m"),
+        (["mesh", ball, "--allow-gaps", *out], "--ct with options that read one"),
+        (["mesh", ball, "-o", tmp_path / "m.feb"], "material for .feb, which holds no mesh without"),
+        (["mesh", ball, "-o", tmp_path / "m.inp", "--modulus-bins", 5], "--ct for a modulus by bins"),
+        (["mesh", ball, "--element", "hex27", "-o", tmp_path / "m.inp"], "for .inp, got hex27"),
+        (["mesh", fork_file, "--slice", 9, "--order", 2, "-o", tmp_path / "m.k"], "for .k, got quad8"),
         (["mesh", ball, "--picture", tmp_path / "p.png", "--field", "HU_max", *out], "for --field"),
     ):
         status, said, err = run(*words)

@@ -92,6 +92,7 @@ def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool, structur
         "--nodes": sampling.nodes is not None and len(sampling.nodes) < 4,
         "--fit": shaping.fit != "control",
         "--smooth-rows": shaping.row_smoothing != SMOOTHING,
+        "--transverse-law": sampling.mapping.transverse is not None,  # only structured meshes have a w throughout
     }
     return [name for name, there in given.items() if there]
 

@@ -223,6 +223,7 @@ FORMATS = (
         orthotropic=True,
         loads=True,
         sets=True,
+        material=True,
         readable=False,
     ),
 )

@@ -29,6 +29,7 @@ class Format:
     loads: whether it holds a load case.
     sets: whether it holds node and element sets.
     fields, cell_fields: whether it holds nodal and element fields of any name.
+    material: whether it holds no mesh without a modulus.
     needs: a package that it wants, which does not come with this one.
     readable: whether ``read_mesh`` reads it back.
     """
@@ -45,6 +46,7 @@ class Format:
     sets: bool = False
     fields: bool = False
     cell_fields: bool = False
+    material: bool = False
     needs: str = ""
     readable: bool = True
 
@@ -60,6 +62,11 @@ class Format:
         if element_type not in self.element_types:
             held = ", ".join(self.element_types)
             raise InputError(f"expected elements of {held} for {known}, got {element_type}; .vtu holds them")
+
+    def check_material(self, known: str) -> None:
+        """Raise InputError where the format, ``known`` by this, holds no mesh without material."""
+        if self.material:
+            raise InputError(f"expected material for {known}, which holds no mesh without, got a surface without a CT")
 
     def check_orthotropic(self, known: str) -> None:
         """Raise InputError where the format, ``known`` by this, holds no orthotropic elements."""

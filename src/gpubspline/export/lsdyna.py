@@ -148,5 +148,15 @@ def _write_loads(out: TextIO, loads: DeckLoads, surfaces: dict[str, int]) -> Non
 
 
 FORMATS = (
-    Format("lsdyna", (".k", ".key", ".dyn"), ELEMENT_TYPES, write, binned=True, loads=True, sets=True, readable=False),
+    Format(
+        "lsdyna",
+        (".k", ".key", ".dyn"),
+        ELEMENT_TYPES,
+        write,
+        binned=True,
+        loads=True,
+        sets=True,
+        material=True,
+        readable=False,
+    ),
 )

@@ -21,7 +21,7 @@ MOST_SAMPLES = 2**31 - 1
 SAMPLE_BYTES = 80
 """Memory that a mesh takes per sample, about, with its fields and elements and what passes by (measured)."""
 
-_BY_ORDER = {(2, 1): "quad4", (2, 2): "quad8", (3, 1): "hex8", (3, 2): "hex20"}
+BY_ORDER = {(2, 1): "quad4", (2, 2): "quad8", (3, 1): "hex8", (3, 2): "hex20"}
 
 
 def sample(
@@ -67,9 +67,9 @@ def sample(
 def _choose_element(patch: Hyperpatch, order: int, element_type: str | None) -> Element:
     dimension = patch.parametric_dimension
     if element_type is None:
-        if (dimension, order) not in _BY_ORDER:
+        if (dimension, order) not in BY_ORDER:
             raise InputError(f"expected elements of order 1 or 2, got {order}")
-        return find_element(_BY_ORDER[dimension, order])
+        return find_element(BY_ORDER[dimension, order])
     element = find_element(element_type)
     if element.dimension != dimension:
         kind = {2: "quads for a surface", 3: "hexes for a solid"}[dimension]

@@ -42,13 +42,19 @@ def mesh(
     from gpubspline.cli import describe
     from gpubspline.surface.read import is_surface
 
-    files.check([*source, *([method.ct] if method.ct else [])], deck)
+    files.check([*source, *([method.ct] if method.ct else []), *region.files, *sampled.files], deck)
     method.check([*source, *files.paths])
     page.check([*source, *files.paths, *method.paths])
     sliced, wanted = region.slice_index is not None, region.source(source, read, spline.axis)
     shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing()
     sampling, device = sampled.sampling(), run.open()
+    if sampling.mapping.transverse is not None:
+        deck.check_orthotropy(files.output)
+    files.check_elements(sampling, 2 if sliced else 3)
     surface = is_surface(source[0])
+    if surface and method.ct is None:
+        sampled.check_without_material()
+        deck.check_material(files.output)
     files.check_field(() if surface and method.ct is None else ("HU",))
     structured = files.structured(deck)
     # refuses before any work what does not fit together
@@ -56,7 +62,7 @@ def mesh(
     if surface and implied is not None and implied.method == "tensor":
         raise InputError(f"expected a CT for the tensor method ({implied.why}), got a surface: butterfly or blocks")
     with run.clock() as clock:
-        body = _body(source, wanted, region, method, meshing, device, clock)
+        body = _body(source, wanted, read, region, method, meshing, device, clock)
         with clock.stage("method"):
             choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
         if choice.method == "tensor":
@@ -78,7 +84,14 @@ def mesh(
 
 
 def _body(
-    source: list[Path], wanted: Any, region: RegionOptions, method: MethodOptions, meshing: Any, device: Any, clock: Any
+    source: list[Path],
+    wanted: Any,
+    read: ReadOptions,
+    region: RegionOptions,
+    method: MethodOptions,
+    meshing: Any,
+    device: Any,
+    clock: Any,
 ) -> Any:
     """Find the body in a CT, or read a surface."""
     from gpubspline.segment import find_body, find_surface_body
@@ -90,6 +103,8 @@ def _body(
         return find_body(wanted, clock)
     if len(source) > 1 or region != RegionOptions():
         raise InputError(f"expected one surface, without options that find a body in CT, got {source[0].name} and more")
+    if method.ct is None and read != ReadOptions():
+        raise InputError("expected --ct with options that read one, got a surface alone")
     return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
 
 

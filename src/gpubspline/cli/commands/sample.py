@@ -23,7 +23,7 @@ def sample(
     from gpubspline.cli import describe
     from gpubspline.spline.model import load_model
 
-    files.check([model], deck)
+    files.check([model, *sampled.files], deck)
     sampling, device = sampled.sampling(), run.open()
     with run.clock() as clock:
         with clock.stage("read"):

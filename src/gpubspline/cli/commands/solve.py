@@ -40,7 +40,7 @@ def solve(
     from gpubspline.cli import describe
     from gpubspline.mesh.quality import assess
 
-    case, device = wanted.case(source), run.open()
+    case, device = wanted.case([*source, *region.files, *sampled.files]), run.open()
     page.check([*source, *wanted.paths])
     with run.clock() as clock:
         solid = find_model(source, read, region, spline, sampled, device, clock)

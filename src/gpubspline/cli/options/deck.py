@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
+from gpubspline.errors import InputError
 
 
 def complete_load(incomplete: str) -> list[str]:
@@ -64,6 +65,14 @@ class DeckOptions:
         from gpubspline.export import find_format
 
         find_format(output, self.format).check_orthotropic(self.format or output.suffix.lower())
+
+    def check_material(self, output: Path) -> None:
+        """Raise InputError where a mesh without material is asked for what it has not, before any work."""
+        from gpubspline.export import find_format
+
+        find_format(output, self.format).check_material(self.format or output.suffix.lower())
+        if self.modulus_bins is not None or self.nodal_modulus:
+            raise InputError("expected --ct for a modulus by bins or by node, got a surface without a CT")
 
     @property
     def inputs(self) -> list[Path]:

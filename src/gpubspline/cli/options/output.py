@@ -60,6 +60,16 @@ class OutputOptions:
 
         return find_format(self.output, deck.format).name == "vts"
 
+    def check_elements(self, sampling: Any, dimension: int) -> None:
+        """Raise InputError where the format does not hold the elements that are asked for."""
+        from gpubspline.export import find_format
+        from gpubspline.mesh.sample import BY_ORDER
+
+        known = self._deck.format or self.output.suffix.lower()
+        element = sampling.element_type or BY_ORDER.get((dimension, sampling.order))
+        if element is not None:  # what is no element at all is said where it is made
+            find_format(self.output, self._deck.format).check_elements(known, element)
+
     def check_field(self, channels: Iterable[str]) -> None:
         """Raise InputError where the picture asks for a field that the mesh will not have.
 
@@ -78,6 +88,7 @@ class OutputOptions:
         from gpubspline.streaming import stream_patch
 
         self.check_field(patch.channels)
+        self.check_elements(sampling, patch.parametric_dimension)
         if sampling.mapping.transverse is not None:
             self._deck.check_orthotropy(self.output)
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")

@@ -36,6 +36,11 @@ class RegionOptions:
         float | None, option("Region", "Gaussian on HU, or on a mask's boundary (default: 0; a voxel)", metavar="MM")
     ] = None
 
+    @property
+    def files(self) -> list[Path]:
+        """Files that are read."""
+        return [path for path in (self.mask, self.labels) if path]
+
     def source(self, paths: list[Path], read: ReadOptions, axis: str) -> Any:
         """What the pipeline reads."""
         from gpubspline.recipe import Source

@@ -1,11 +1,12 @@
 """How the mesh is sampled, and what its material is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import complete_law, option
 from gpubspline.cli.options.texts import integers
+from gpubspline.errors import InputError
 
 
 @dataclass
@@ -54,6 +55,21 @@ class SamplingOptions:
     calibration: Annotated[
         Path | None, option("Material", "HU to density: line, table, rods or tissues", metavar="FILE.toml")
     ] = None
+
+    @property
+    def files(self) -> list[Path]:
+        """Files that are read, among them names of laws, which are none."""
+        return [Path(name) for name in (self.law, self.transverse_law, self.calibration) if name]
+
+    def check_without_material(self) -> None:
+        """Raise InputError where an option of the material is given: there is no CT to take it from."""
+        plain, shape = SamplingOptions(), ("nodes", "order", "element", "optimize")
+        given = [
+            f.name for f in fields(self) if f.name not in shape and getattr(self, f.name) != getattr(plain, f.name)
+        ]
+        if given:
+            option = given[0].replace("_", "-")
+            raise InputError(f"expected --ct, which the material of a surface comes from, with --{option}, got none")
 
     def sampling(self) -> Any:
         """What the pipeline samples."""
