@@ -36,9 +36,10 @@ class Device(Protocol):
     on_build: Callable[[str], None]
 
     def put(self, array: Any) -> Buffer:
-        """Upload an array, flattened in memory order; floats become ``real``, integers int32.
+        """Upload an array, flattened with its last index fastest; floats become ``real``, integers int32.
 
-        What already lives on this device comes back as it is.
+        An array whose first index is to run fastest is put as its transpose, which costs nothing where it lies in
+        memory that way. What already lives on this device comes back as it is.
         """
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Buffer:

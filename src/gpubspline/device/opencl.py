@@ -66,16 +66,15 @@ class OpenCLDevice:
         self._kernels: dict[str, tuple[Any, bool]] = {}
 
     def put(self, array: Any) -> OpenCLBuffer:
-        """Upload, flattened in memory order; what is on an OpenCL device already comes back as it is."""
+        """Upload, the last index fastest; what is on an OpenCL device already comes back as it is."""
         if isinstance(array, OpenCLBuffer):
             return array
         values = np.asarray(array)
         buffer = self.empty(values.size, self.real if values.dtype.kind == "f" else np.int32)
-        flat = values.ravel(order="K")
         if self._is_cpu:
-            self._map(buffer, self._opencl.map_flags.WRITE)[:] = flat
-        elif flat.size:
-            self._opencl.enqueue_copy(self._queue, buffer.memory, np.ascontiguousarray(flat, dtype=buffer.dtype))
+            self._map(buffer, self._opencl.map_flags.WRITE).reshape(values.shape)[...] = values
+        elif values.size:
+            self._opencl.enqueue_copy(self._queue, buffer.memory, np.ascontiguousarray(values, dtype=buffer.dtype))
         return buffer
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> OpenCLBuffer:

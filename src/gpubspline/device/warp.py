@@ -68,12 +68,12 @@ class WarpDevice:
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
 
     def put(self, array: Any) -> Any:
-        """Upload, flattened in memory order; what is on a Warp device already comes back as it is."""
+        """Upload, the last index fastest; what is on a Warp device already comes back as it is."""
         if isinstance(array, self._warp.array):
             return array
         values = np.asarray(array)
         dtype = self.real if values.dtype.kind == "f" else np.int32
-        flat = np.ascontiguousarray(values.ravel(order="K"), dtype=dtype)
+        flat = np.ascontiguousarray(values, dtype=dtype).reshape(-1)
         return self._warp.array(flat, device=self._device, copy=True)
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:

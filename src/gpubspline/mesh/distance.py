@@ -101,7 +101,7 @@ def sample_distance(region: Region, points: Floats, device: Device) -> Floats:
     to_index[:, 3] += to_index[:, :3] @ middle
     planes = [device.put(plane) for plane in np.ascontiguousarray((points - middle).T)]
     result = device.empty(len(points))
-    volume = device.put(np.ascontiguousarray(region.distance_mm))  # put flattens in memory order
+    volume = device.put(region.distance_mm)
     matrix = device.put(to_index)
     device.launch(
         "resample.trilinear", len(points), volume, n_i, n_j, n_k, matrix, *planes, 0.0, 1, len(points), result

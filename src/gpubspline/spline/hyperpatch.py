@@ -161,7 +161,7 @@ class Hyperpatch:
     def _planes(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> tuple[Buffer, int]:
         """Buffer (K, N) of the homogeneous components on the device, and N."""
         control = self._homogeneous()
-        buffer = device.put(np.asfortranarray(control))
+        buffer = device.put(np.asfortranarray(control).T)  # planes, u fastest
         bases = [
             _basis(device, knots, degree, axis, n)
             for knots, degree, axis, n in zip(self.knots, self.degrees, axes, order, strict=True)
