@@ -1,6 +1,7 @@
 """Every deck under a load case that uses all there is, read back by readers nobody here wrote, and compared."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,26 @@ def test_a_deck_is_read_back_as_it_was_meant(name, kind, order, femur, femur20, 
         for name in back.keys() & fields.keys():
             np.testing.assert_allclose(back[name], fields[name], rtol=1e-6)
     assert "mm, N, MPa" in found.comment
+
+
+@pytest.mark.parametrize("name", DECKS)
+def test_long_names_are_cut_only_where_the_format_wants_it(name, femur, tmp_path):
+    """Two of 200 characters that differ in the last, beside one that no format need cut."""
+    form = formats()[name]
+    sets = {"a" * 199 + end: np.arange(first, 30) for first, end in enumerate("xy")} | {"of_seventeen_char": np.array([3, 5])}
+    mesh = replace(femur, node_sets=sets, element_sets={"e" * 200: np.arange(7)})
+    path = tmp_path / f"deck{form.extensions[0]}"
+    write(mesh, path)
+    deck = make_deck(mesh, form, Wanted(UNITS["mm-N-MPa"]))
+    longest = form.longest_name or 200
+    for names, count in ((deck.node_sets.keys() - set(mesh.element.sides) - {"surface"}, 3), (deck.element_sets, 1)):
+        assert len(names) == count and max(map(len, names)) == min(longest, 200)
+    assert "of_seventeen_char" in deck.node_sets
+    found = reader(name)(path)
+    assert found.node_sets.keys() == deck.node_sets.keys()
+    for name, members in deck.node_sets.items():
+        np.testing.assert_array_equal(np.sort(found.node_sets[name]), np.sort(members))
+    assert deck.element_sets.keys() <= found.element_sets.keys()
 
 
 def check_mesh(found, deck):

@@ -27,6 +27,8 @@ ELEMENT_TYPES = {"quad4": "S4", "quad8": "S8R", "hex8": "C3D8", "hex20": "C3D20"
 SIDES = {"w0": "S1", "w1": "S2", "v0": "S3", "u1": "S4", "v1": "S5", "u0": "S6"}
 """Faces of hexes: 1-2-3-4, 5-8-7-6, 1-5-6-2, 2-6-7-3, 3-7-8-4, 4-8-5-1."""
 
+LONGEST_NAME = 80
+
 AXES = "axes"
 """Name of the orientation of orthotropic elements."""
 
@@ -155,5 +157,6 @@ FORMATS = (
         orthotropic=True,
         loads=True,
         sets=True,
+        longest_name=LONGEST_NAME,
     ),
 )

@@ -33,6 +33,9 @@ SIDES = {"w0": 1, "v0": 2, "u1": 3, "v1": 4, "u0": 5, "w1": 6}
 MOST_ROWS = 100
 """Temperatures of a material table."""
 
+LONGEST_NAME = 32 - len("_elements")
+"""Characters of a component's name, less the longest ending that one gets here."""
+
 PER_COMMAND = 6
 """Values of one MPTEMP or MPDATA."""
 
@@ -171,6 +174,7 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
+        longest_name=LONGEST_NAME,
         readable=False,
     ),
 )

@@ -5,11 +5,10 @@ sections | table | nodal fields            the modulus, by element set or by nod
 loads                                      supports, nodal forces, pressures, gravity
 """
 
-import re
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from gpubspline.export.deck_loads import DeckLoads, Faces, Placed, outer_faces, 
 from gpubspline.export.formats import Format
 from gpubspline.export.modulus_bins import ModulusBins, modulus_bins
 from gpubspline.export.modulus_table import modulus_table
+from gpubspline.export.names import named
 from gpubspline.export.units import Units
 from gpubspline.material.laws import Law
 from gpubspline.material.orthotropy import MODULI, is_orthotropic
@@ -34,11 +34,7 @@ CONSTANTS = (*MODULI, "nu12", "nu13", "nu23", "G12_MPa", "G13_MPa", "G23_MPa")
 LARGEST_TEMPERATURE = 1000.0
 """CalculiX 2.20 takes temperatures above 2,000, or below -2,000, for none: elements get the modulus at zero."""
 
-LONGEST_NAME = 24
-"""Characters; ANSYS and Exodus take 32, of which numbers and endings want some."""
-
 Floats = NDArray[np.float64]
-Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,13 +179,13 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     placed = Placed(None, {}, {}) if wanted.load is None else place_loads(wanted.load, mesh)
     wants_faces = form.binned or mesh.structure is not None or wanted.load is not None  # else they cost a search
     faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets and wants_faces else {}
-    node_sets = _named(mesh.node_sets, placed.node_sets)
-    named = replace(mesh, node_sets=node_sets, element_sets=_named(mesh.element_sets, {}))
+    node_sets = named(mesh.node_sets, placed.node_sets, form.longest_name)
+    renamed = replace(mesh, node_sets=node_sets, element_sets=named(mesh.element_sets, {}, form.longest_name))
     means = _material(mesh, form, wanted)
     return Deck(
-        mesh=_in_units(named, wanted.units),
+        mesh=_in_units(renamed, wanted.units),
         units=wanted.units,
-        surfaces=_named(faces, placed.surfaces),
+        surfaces=named(faces, placed.surfaces, form.longest_name),
         sections=means.sections,
         table=means.table,
         nodal=means.nodal,
@@ -232,26 +228,6 @@ def _surfaces(mesh: Mesh) -> dict[str, Faces]:
         if faces.elements.size:
             found[name] = faces
     return found
-
-
-def _named(own: Mapping[str, Kept], added: Mapping[str, Kept]) -> dict[str, Kept]:
-    """Both, under names of letters, digits and underscores that differ by more than their case."""
-    taken: dict[str, Kept] = {}
-    for name, kept in own.items():
-        taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), taken)] = kept
-    for name, kept in added.items():
-        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
-        if name not in own:  # a region called by the name of a set is that set
-            taken[_free(plain, taken)] = kept
-    return taken
-
-
-def _free(name: str, taken: Iterable[str]) -> str:
-    name = (name if name[:1].isalpha() else f"set_{name}")[:LONGEST_NAME]
-    used, number, free = {other.lower() for other in taken}, 1, name
-    while free.lower() in used:
-        number, free = number + 1, f"{name}_{number + 1}"
-    return free
 
 
 @dataclass(frozen=True, eq=False)

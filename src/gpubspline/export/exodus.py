@@ -237,6 +237,7 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
+        longest_name=NAME - 1,
         fields=True,
         cell_fields=True,
     ),

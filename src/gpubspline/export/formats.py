@@ -28,6 +28,7 @@ class Format:
     orthotropic: whether its sections hold orthotropic material and an axis for each element.
     loads: whether it holds a load case.
     sets: whether it holds node and element sets.
+    longest_name: characters of a set's name, None for any number.
     fields, cell_fields: whether it holds nodal and element fields of any name.
     material: whether it holds no mesh without a modulus.
     needs: a package that it wants, which does not come with this one.
@@ -44,6 +45,7 @@ class Format:
     orthotropic: bool = False
     loads: bool = False
     sets: bool = False
+    longest_name: int | None = None
     fields: bool = False
     cell_fields: bool = False
     material: bool = False

@@ -24,6 +24,9 @@ from gpubspline.files import whole_file
 
 ELEMENT_TYPES = {"quad4": 3, "quad8": 16, "quad9": 10, "hex8": 5, "hex20": 17, "hex27": 12}
 POINT = 15
+LONGEST_NAME = 127 - len("_nodes")
+"""Characters of a physical name, less the ending that one gets here."""
+
 _HEX20 = (*range(8), 8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14)
 ORDER = {"hex20": _HEX20, "hex27": (*_HEX20, 24, 22, 20, 21, 23, 25, 26)}
 """Of the vertices, in VTK's numbers, where it is another."""
@@ -165,6 +168,7 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
+        longest_name=LONGEST_NAME,
         fields=True,
         cell_fields=True,
     ),

@@ -27,6 +27,9 @@ ELEMENT_TYPES = ("quad4", "hex8")
 FULLY_INTEGRATED = {2: 16, 3: 2}
 """ELFORM of shells and of solids."""
 
+LONGEST_NAME = 80
+"""Characters of a title."""
+
 CONTROL = """*CONTROL_IMPLICIT_GENERAL
          1       1.0
 *CONTROL_IMPLICIT_SOLUTION
@@ -157,6 +160,7 @@ FORMATS = (
         loads=True,
         sets=True,
         material=True,
+        longest_name=LONGEST_NAME,
         readable=False,
     ),
 )

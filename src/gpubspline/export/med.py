@@ -218,6 +218,7 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
+        longest_name=GROUP_NAME,
         fields=True,
         cell_fields=True,
         needs="h5py",

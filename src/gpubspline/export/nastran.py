@@ -27,6 +27,9 @@ ORDER = {"hex20": (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)}
 SPC, LOAD, TEMPERATURE, FORCES, GRAVITY = 1, 2, 3, 11, 12
 """Numbers of the sets that the case control calls, and of the parts of the load."""
 
+LONGEST_NAME = 48
+"""A comment ends in column 80."""
+
 FIRST_NODE_SET, FIRST_ELEMENT_SET, FIRST_SURFACE = 1001, 2001, 3001
 
 
@@ -175,5 +178,6 @@ FORMATS = (
         binned=True,
         loads=True,
         sets=True,
+        longest_name=LONGEST_NAME,
     ),
 )
