@@ -7,8 +7,6 @@ from typing import Any
 
 import warp as wp
 
-RUN = wp.constant(64)  # elements that a part takes together
-
 
 @wp.kernel(enable_backward=False, module="unique")
 def set_difference(
@@ -26,32 +24,6 @@ def set_difference(
     basis[wp.int64(row) * wp.int64(n) + wp.int64(i)] = wp.where(
         inverse == 1, (x[i] - y[i]) / scale[i], (x[i] - y[i]) * scale[i]
     )
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def row_products(
-    basis: wp.array(dtype=Any),
-    rows: wp.int32,
-    by: wp.int32,
-    n: wp.int32,
-    parts: wp.int32,
-    out: wp.array(dtype=Any),
-    first: wp.int32,
-):
-    """Sums (rows, parts) of every row times the row ``by`` over every parts-th run of elements.
-
-    The same in any order of work.
-    """
-    tid_row, part = wp.tid()
-    row = tid_row + first
-    x = wp.int64(by) * wp.int64(n)
-    y = wp.int64(row) * wp.int64(n)
-    total = out.dtype(0.0)
-    runs = (n + RUN - 1) // RUN
-    for run in range(part, runs, parts):
-        for i in range(run * RUN, wp.min((run + 1) * RUN, n)):
-            total = total + basis[x + wp.int64(i)] * basis[y + wp.int64(i)]
-    out[row * parts + part] = total
 
 
 @wp.kernel(enable_backward=False, module="unique")

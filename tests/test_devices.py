@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import BACKENDS, Device, list_devices, open_device
+from gpubspline.device.vectors import products
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.material.mapping import apply_material
 from gpubspline.material.registry import law
@@ -115,6 +116,18 @@ def test_what_is_put_does_not_depend_on_how_it_lies_in_memory(
     other = stored(values)
     assert other.strides != values.strides or other.base is not None
     assert np.array_equal(device.get(device.put(other)), values.ravel())
+
+
+@pytest.mark.parametrize("n", [1, 63, 64 * 4096 + 5])
+def test_products_of_rows_are_numpys_and_the_same_each_time(any_device: Device, n: int) -> None:
+    random = np.random.default_rng(n)
+    x, y = random.normal(size=(3, n)), random.normal(size=(2, n))
+    buffers = any_device.put(x), any_device.put(y)
+    found = [products(any_device, *buffers, n, row=2, rows=2) for _ in range(3)]
+    scale = np.linalg.norm(x[2]) * np.linalg.norm(y, axis=1)
+    assert np.abs((found[0] - y @ x[2]) / scale).max() < 10 * np.finfo(any_device.real).eps
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+    assert products(any_device, *buffers, n) == pytest.approx(x[0] @ y[0], abs=1e-5 * scale.max())
 
 
 def test_opencl_drives_a_gpu_as_it_does_a_cpu(both_devices: tuple[Device, ...]) -> None:

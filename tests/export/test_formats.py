@@ -72,7 +72,9 @@ def test_a_deck_is_read_back_as_it_was_meant(name, kind, order, femur, femur20, 
 def test_long_names_are_cut_only_where_the_format_wants_it(name, femur, tmp_path):
     """Two of 200 characters that differ in the last, beside one that no format need cut."""
     form = formats()[name]
-    sets = {"a" * 199 + end: np.arange(first, 30) for first, end in enumerate("xy")} | {"of_seventeen_char": np.array([3, 5])}
+    sets = {"a" * 199 + end: np.arange(first, 30) for first, end in enumerate("xy")} | {
+        "of_seventeen_char": np.array([3, 5])
+    }
     mesh = replace(femur, node_sets=sets, element_sets={"e" * 200: np.arange(7)})
     path = tmp_path / f"deck{form.extensions[0]}"
     write(mesh, path)

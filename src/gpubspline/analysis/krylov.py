@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpubspline.device import Buffer, Device
+from gpubspline.device.vectors import products
 from gpubspline.errors import SolveError
-
-PARTS = 4096
-"""Partial sums of a product of vectors, added on the host."""
 
 Progress = Callable[[int, float], None]
 Operator = Callable[[Buffer, Buffer], None]
@@ -33,9 +31,7 @@ class Vectors:
 
     def dot(self, x: Buffer, y: Buffer) -> float:
         """Product of two vectors, the same each time."""
-        parts = self.device.empty(PARTS)
-        self.device.launch("vectors.dot_parts", PARTS, x, y, self.n, PARTS, parts)
-        return float(self.device.get(parts).sum(dtype=np.float64))
+        return float(products(self.device, x, y, self.n)[0])
 
 
 def conjugate_gradients(

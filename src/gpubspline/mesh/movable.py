@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
+from gpubspline.device.vectors import products
 
 FREE = 1e9
 """Slack of a node that may go anywhere."""
 
 FIXED = -1.0
 """Slack of a node that stays."""
-
-PARTS = 4096
-"""Partial sums of a product of vectors, added on the host."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +126,7 @@ class Movable:
         table = (self.start, self.slots, self.normal, self.slack, self.levels)
         args = (self.shares, m, *table, self.n_nodes, gradient)
         device.launch("energy.node_gradient", self.n_nodes, *args)
-        parts = device.empty(PARTS)
-        device.launch("vectors.dot_parts", PARTS, self.energy, self.ones, m, PARTS, parts)
-        return float(np.sum(device.get(parts), dtype=np.float64))
+        return float(products(device, self.energy, self.ones, m)[0])
 
     def scaled_jacobian(self, x: Buffer) -> NDArray[Any]:
         """Scaled Jacobian (m,) of each hex at x (3, n)."""

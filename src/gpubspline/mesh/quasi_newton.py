@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
-from gpubspline.mesh.movable import PARTS, Goal, Movable
+from gpubspline.device.vectors import products
+from gpubspline.mesh.movable import Goal, Movable
 
 MEMORY = 12
 """Pairs of steps and changes of the gradient that are kept."""
@@ -43,9 +44,7 @@ class Memory:
     def multiply(self, row: int) -> None:
         """Bring the products of a row with all rows up to date."""
         rows = 2 * MEMORY + 1
-        parts = self.device.empty((rows, PARTS))
-        self.device.launch("quasi_newton.row_products", (rows, PARTS), self.basis, rows, row, self.n, PARTS, parts)
-        found = self.device.get(parts).reshape(rows, PARTS).sum(axis=1, dtype=np.float64)
+        found = products(self.device, self.basis, self.basis, self.n, row=row, rows=rows)
         self.products[row] = self.products[:, row] = found
 
     def direction(self) -> NDArray[np.float64]:
