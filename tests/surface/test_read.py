@@ -64,6 +64,12 @@ def test_inside_out_files_are_turned_with_their_name(shapes, tmp_path):
         assert read_surface(tmp_path / "knee.ply").volume_mm3 == pytest.approx(24)
 
 
+def test_a_body_of_metres_is_asked_about(shapes, tmp_path):
+    save(shapes.box(size=(0.07, 0.45, 0.1)), tmp_path / "femur.ply")
+    with pytest.warns(GpubsplineWarning, match=r"femur\.ply is 0\.07 x 0\.45 x 0\.1 mm: .* not metres\?"):
+        read_surface(tmp_path / "femur.ply")
+
+
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_files_of_something_else_are_one_line(extension, tmp_path, capfd):
     path = tmp_path / f"a{extension}"

@@ -74,11 +74,18 @@ def test_a_hole_is_refused_with_its_place(shapes):
 def test_a_fin_is_refused_with_its_place(shapes):
     box = shapes.box()
     fin = Surface(np.vstack([box.points, [[9, 9, 9]]]), np.vstack([box.triangles, [[0, 1, 8]]]))
-    with pytest.raises(InputError, match=r"open|more than two triangles"):
+    with pytest.raises(InputError, match=r"1 edges that are shared by more than two triangles, .*: remove fins"):
         kept(fin)
     wall = Surface(box.points, np.vstack([box.triangles, box.triangles[:1], box.triangles[:1, ::-1]]))
     with pytest.raises(InputError, match=r"3 edges that are shared by more than two triangles, the first at"):
         kept(wall)
+
+
+def test_places_of_models_in_metres_keep_their_digits(shapes):
+    """The first triangle left out has its first side from (0, 0, 0) to (0, 0.03, 0) m."""
+    small = shapes.box(size=(0.04, 0.03, 0.02))
+    with pytest.raises(InputError, match=r"the first at \(0\.00000, 0\.01500, 0\.00000\) mm"):
+        kept(Surface(small.points, small.triangles[1:]))
 
 
 def klein_bottle(n=12):

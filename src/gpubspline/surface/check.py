@@ -41,8 +41,9 @@ def _neighbours(surface: Surface, name: str) -> tuple[Integers, Integers, NDArra
     key = sides.min(axis=1) * len(surface.points) + sides.max(axis=1)
     order = np.argsort(key, kind="stable")
     _, start, count = np.unique(key[order], return_index=True, return_counts=True)
+    alone = _open_sides(owner[order], start, count)
     for wrong, what, advice in (
-        (count == 1, "open", "close its holes, for example with MeshLab's Close Holes, Meshmixer or pymeshfix"),
+        (alone, "open", "close its holes, for example with MeshLab's Close Holes, Meshmixer or pymeshfix"),
         (count > 2, "shared by more than two triangles", "remove fins and inner walls, or part the bodies that touch"),
     ):
         if wrong.any():
@@ -53,6 +54,13 @@ def _neighbours(surface: Surface, name: str) -> tuple[Integers, Integers, NDArra
             )
     one, other = order[start], order[start + 1]
     return owner[one], owner[other], upward[one] == upward[other]
+
+
+def _open_sides(owner: Integers, start: Integers, count: Integers) -> NDArray[np.bool_]:
+    """Edges of one triangle, but for those of fins: of triangles that hang on an edge which others share already."""
+    crowded = np.zeros(int(owner.max()) + 1, dtype=bool)
+    crowded[owner[np.repeat(count > 2, count)]] = True
+    return np.asarray((count == 1) & ~crowded[owner[start]])
 
 
 def _bodies(n_triangles: int, first: Integers, second: Integers) -> Integers:

@@ -22,6 +22,9 @@ from gpubspline.surface.surface import Floats, Integers, Surface
 MESHIO = {".stl": "stl", ".ply": "ply", ".off": "off"}
 EXTENSIONS = (".stl", ".obj", ".ply", ".off", ".vtp")
 
+SMALLEST_MM = 1.0
+"""A surface that is smaller is taken for one in other units."""
+
 SAME = 1e-7
 """Of the surface's extent: points nearer than this are one where the surface is open without: STL repeats points."""
 
@@ -52,7 +55,15 @@ def read_surface(path: str | Path) -> Surface:
         raise InputError(f"expected triangles in {path.name}, got none")
     surface = closed(_joined(Surface(points, triangles), path.name), path.name)
     check_apart(surface, path.name)
+    _warn_of_units(surface, path.name)
     return surface
+
+
+def _warn_of_units(surface: Surface, name: str) -> None:
+    low, high = surface.box
+    if (high - low).max() < SMALLEST_MM:
+        size = " x ".join(f"{x:.3g}" for x in high - low)
+        warnings.warn(f"{name} is {size} mm: are its coordinates mm, not metres?", GpubsplineWarning, stacklevel=3)
 
 
 def _read_meshio(path: Path) -> tuple[Floats, Integers]:

@@ -83,5 +83,7 @@ def unique_edges(triangles: Integers) -> Integers:
 
 
 def spelled(place: Floats) -> str:
-    """Coordinates of a place in mm, for a message."""
-    return "(" + ", ".join(f"{x:.2f}" for x in place) + ") mm"
+    """Coordinates of a place in mm, for a message: two decimals, more where all are small, as of models in metres."""
+    greatest = float(np.abs(place).max())
+    decimals = int(np.clip(3 - np.floor(np.log10(greatest)), 2, 9)) if greatest > 0 else 2
+    return "(" + ", ".join(f"{x:.{decimals}f}" for x in place) + ") mm"
