@@ -7,7 +7,7 @@ import pytest
 import SimpleITK as sitk
 
 from gpubspline.ct.image import read_volume
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 
 REAL = ["head/ct_example.nii.gz", "vertebra/sub-ct_label-22_ct.nii.gz", "hips/example_ct.nii.gz"]
 
@@ -166,6 +166,92 @@ def test_a_sheared_nifti_keeps_its_shear(tmp_path):
     expected = np.reshape(rows, (3, 4)) * [[-1], [-1], [1]]
     np.testing.assert_allclose(volume.affine[:3], expected, rtol=1e-6)
     np.testing.assert_array_equal(volume.hu, samples)
+
+
+def nifti(path, *, codes, rows=None, sizes=(1.0, 1.0, 1.0), units=2, order="<"):
+    """An image of 4 x 3 x 2 voxels whose qform is of 1 mm at (1, 2, 3) RAS; by hand, since ITK writes what it reads."""
+    content = bytearray(352)
+    for form, at, values in (
+        ("i", 0, [348]),
+        ("8h", 40, [3, 4, 3, 2, 1, 1, 1, 1]),
+        ("2h", 70, [4, 16]),
+        ("8f", 76, [1, *sizes, 0, 0, 0, 0]),
+        ("f", 108, [352]),
+        ("b", 123, [units]),
+        ("2h", 252, codes),
+        ("3f", 268, [1, 2, 3]),
+        ("12f", 280, [2, 0, 0, 10, 0, 2, 0, 20, 0, 0, 2, 30] if rows is None else rows),
+    ):
+        struct.pack_into(order + form, content, at, *values)
+    content[344:348] = b"n+1\0"
+    path.write_bytes(bytes(content) + np.arange(24).astype(f"{order}i2").tobytes())
+    return path
+
+
+@pytest.mark.parametrize("form", [0, 1])  # quaternions and rows
+@pytest.mark.parametrize("turn", range(5))
+def test_each_form_of_nifti_alone_is_simpleitks(tmp_path, form, turn):
+    """Half turns are where the quaternion has no real part."""
+    path, image = tmp_path / "a.nii", sitk.GetImageFromArray(np.zeros((3, 4, 5), np.int16))
+    axes = [np.diag(signs) for signs in ((1, 1, 1), (-1, -1, 1), (1, -1, -1))]
+    axes += [np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0] for seed in (1, 2)]
+    image.SetDirection((axes[turn] * [1, 1, np.linalg.det(axes[turn])]).ravel().tolist())
+    image.SetSpacing((0.4, 0.5, 3))
+    image.SetOrigin((312.5, -420.25, 1030.125))
+    sitk.WriteImage(image, str(path))
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<h", content, 254 if form == 0 else 252, 0)
+    path.write_bytes(content)
+    points = [image.TransformIndexToPhysicalPoint(index) for index in ((0, 0, 0), (4, 0, 0), (0, 3, 0), (4, 3, 2))]
+    volume = read_volume(path)
+    np.testing.assert_allclose(volume.to_points([(0, 0, 0), (4, 0, 0), (0, 3, 0), (4, 3, 2)]), points, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("codes", "size", "origin"),
+    [((1, 1), 2, 10), ((1, 2), 1, 1), ((1, 4), 1, 1), ((2, 1), 2, 10), ((2, 4), 1, 1)],
+)
+@pytest.mark.parametrize("order", "<>")
+def test_forms_of_nifti_that_differ_are_warned_of(tmp_path, codes, size, origin, order):
+    """The one that ITK chooses, by its codes; its size is its own, not pixdim's."""
+    path = nifti(tmp_path / "a.nii", codes=codes, order=order)
+    with pytest.warns(GpubsplineWarning, match=r"the qform and the sform of a\.nii are up to 36\.4 mm apart"):
+        volume = read_volume(path)
+    np.testing.assert_allclose(volume.spacing_mm, size)
+    assert volume.affine[0, 3] == -origin == sitk.ReadImage(str(path)).GetOrigin()[0]
+    np.testing.assert_array_equal(volume.hu.ravel(), np.arange(24))
+
+
+def test_a_registration_is_not_taken_for_the_scanner(tmp_path):
+    """A sheared sform that leads to a template, beside the scanner's qform: bones must keep their size."""
+    path = nifti(tmp_path / "a.nii", codes=(1, 4), rows=[1.2, 0, 0.3, 1, 0, 1.2, 0, 2, 0, 0, 1.2, 3])
+    with pytest.warns(GpubsplineWarning, match="the qform is taken"):
+        np.testing.assert_allclose(read_volume(path).spacing_mm, 1)
+
+
+def test_nifti_sizes_and_units(tmp_path):
+    rows = nifti(tmp_path / "a.nii", codes=(0, 2))
+    np.testing.assert_allclose(read_volume(rows).spacing_mm, 2)
+    metres = nifti(tmp_path / "b.nii", codes=(1, 0), sizes=[0.001] * 3, units=1)
+    np.testing.assert_allclose(read_volume(metres).affine[:3], [[-1, 0, 0, -1e3], [0, -1, 0, -2e3], [0, 0, 1, 3e3]])
+    bare = nifti(tmp_path / "c.nii", codes=(0, 0), sizes=(1, 2, 3))
+    with pytest.warns(GpubsplineWarning, match=r"c\.nii says nothing of its orientation"):
+        np.testing.assert_allclose(read_volume(bare).affine, np.diag([1, 2, 3, 1]))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        ({"codes": (1, 0), "sizes": (1, 1, 0)}, "sizes of voxels above 0 mm in a.nii, got 1 x 1 x 0"),
+        ({"codes": (1, 0), "sizes": (-1, 1, 1)}, "got -1 x 1 x 1"),
+        ({"codes": (0, 1), "rows": [np.nan] * 12}, "an invertible orientation in a.nii"),
+        ({"codes": (0, 1), "rows": [0, 0, 0, 1, 0, 2, 0, 1, 0, 0, 2, 1]}, "an invertible orientation in a.nii"),
+    ],
+)
+def test_nifti_without_a_place_is_refused(tmp_path, capfd, wanted, words):
+    with pytest.raises(InputError, match=words):
+        read_volume(nifti(tmp_path / "a.nii", **wanted))
+    assert capfd.readouterr() == ("", "")
 
 
 def test_truncated_and_pickled_arrays_are_errors(tmp_path):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.dicom import Progress, read_dicom
 from gpubspline.ct.metaimage import check_metaimage
-from gpubspline.ct.nifti import check_nifti
+from gpubspline.ct.nifti import check_nifti, patient_affine
 from gpubspline.ct.series import is_dicom
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
@@ -90,7 +90,7 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
 
     Raises InputError where the file is damaged, or not one scalar value on a two- or three-dimensional grid.
     """
-    sheared = check_nifti(path).sheared_affine if format_name(path) == "NIfTI" else None
+    affine = patient_affine(check_nifti(path), path.name) if format_name(path) == "NIfTI" else None
     if format_name(path) == "MetaImage":
         check_metaimage(path)
     try:
@@ -105,7 +105,7 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     if image.GetDimension() not in (2, 3):
         raise InputError(f"expected a three-dimensional image in {path.name}, got size {image.GetSize()}")
     samples = sitk.GetArrayFromImage(image)
-    return narrow(samples if samples.ndim == 3 else samples[None]), image_affine(image) if sheared is None else sheared
+    return narrow(samples if samples.ndim == 3 else samples[None]), image_affine(image) if affine is None else affine
 
 
 @contextmanager

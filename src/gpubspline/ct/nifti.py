@@ -1,11 +1,12 @@
-"""What ITK does not say about a NIfTI file: whether it is all there and finite, and whether its grid is sheared.
+"""What ITK does not say about a NIfTI file: whether it is all there and finite, and where its grid lies.
 
-ITK fills what a truncated file lacks with zeros, makes NaN and infinity zero, and knows orthogonal grids only. A gantry
-tilt makes an sform sheared.
+ITK fills what a truncated file lacks with zeros, makes NaN and infinity zero, knows orthogonal grids only, while a
+gantry tilt makes an sform sheared, and takes the voxels' size from ``pixdim`` where the sform has another.
 """
 
 import gzip
 import struct
+import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 
 Floats = NDArray[np.float64]
 
@@ -23,16 +24,26 @@ _LAYOUTS = {
         "dim": (40, "8h"),
         "datatype": (70, "h"),
         "bitpix": (72, "h"),
+        "pixdim": (76, "8f"),
         "vox_offset": (108, "f"),
+        "xyzt_units": (123, "b"),
+        "qform_code": (252, "h"),
         "sform_code": (254, "h"),
+        "quatern": (256, "3f"),
+        "qoffset": (268, "3f"),
         "srow": (280, "12f"),
     },
     540: {
         "dim": (16, "8q"),
         "datatype": (12, "h"),
         "bitpix": (14, "h"),
+        "pixdim": (104, "8d"),
         "vox_offset": (168, "q"),
+        "xyzt_units": (500, "i"),
+        "qform_code": (344, "i"),
         "sform_code": (348, "i"),
+        "quatern": (352, "3d"),
+        "qoffset": (376, "3d"),
         "srow": (400, "12d"),
     },
 }
@@ -43,6 +54,17 @@ _FLOATS = {16: "f4", 64: "f8"}
 
 _BLOCK = 1 << 22
 
+_SCANNER = 1
+"""Code of a form that leads to the scanner's own frame (nifti1.h: NIFTI_XFORM_SCANNER_ANAT)."""
+
+_PER_UNIT_MM = {1: 1e3, 3: 1e-3}
+"""Of the units of ``xyzt_units`` that are not mm: metres and micrometres (nifti1.h: NIFTI_UNITS_METER, _MICRON)."""
+
+APART = 0.1
+"""Distance of the corners, in the smallest voxel edge, from which qform and sform are said to differ."""
+
+_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
 
 @dataclass(frozen=True)
 class NiftiHeader:
@@ -52,8 +74,13 @@ class NiftiHeader:
     dim: tuple[int, ...]
     datatype: int
     bitpix: int
+    pixdim: tuple[float, ...]
     vox_offset: int
+    xyzt_units: int
+    qform_code: int
     sform_code: int
+    quatern: tuple[float, ...]
+    qoffset: tuple[float, ...]
     srow: Floats
 
     @property
@@ -65,17 +92,91 @@ class NiftiHeader:
         return self.vox_offset + n_voxels * self.bitpix // 8
 
     @property
-    def sheared_affine(self) -> Floats | None:
-        """(4, 4) index (i, j, k) to LPS mm where the sform is sheared; None where ITK can tell."""
-        steps = self.srow[:, :3]
-        lengths = np.linalg.norm(steps, axis=0)
-        if self.sform_code <= 0 or not np.isfinite(self.srow).all() or lengths.min() <= 0:
-            return None
-        cosines = (steps / lengths).T @ (steps / lengths)
-        if np.abs(cosines - np.eye(3)).max() < 1e-3:
-            return None
-        ras: Floats = np.vstack([self.srow, [0, 0, 0, 1]])
-        return np.diag([-1.0, -1.0, 1.0, 1.0]) @ ras
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels along i, j, k; 1 where there is no such axis."""
+        i, j, k = (max(int(n), 1) if axis <= self.dim[0] else 1 for axis, n in enumerate(self.dim[1:4], start=1))
+        return i, j, k
+
+    @property
+    def sform(self) -> Floats:
+        """(4, 4) index (i, j, k) to mm, RAS, by rows: method 3 of nifti1.h."""
+        affine = np.eye(4)
+        affine[:3] = self.srow * _PER_UNIT_MM.get(self.xyzt_units & 7, 1.0)
+        return affine
+
+    @property
+    def qform(self) -> Floats:
+        """(4, 4) index (i, j, k) to mm, RAS, by a quaternion and the voxels' sizes: method 2 of nifti1.h."""
+        b, c, d = self.quatern
+        vector = b * b + c * c + d * d
+        a = np.sqrt(max(1 - vector, 0.0))
+        a, b, c, d = np.array([a, b, c, d]) / np.sqrt(a * a + vector)  # rounded, it may be longer than 1
+        turn = np.array(
+            [
+                [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+                [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
+                [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c],
+            ]
+        )
+        affine = np.eye(4)
+        affine[:3, :3] = turn * self.sizes_mm * [1, 1, -1 if self.pixdim[0] < 0 else 1]
+        affine[:3, 3] = np.array(self.qoffset) * _PER_UNIT_MM.get(self.xyzt_units & 7, 1.0)
+        return affine
+
+    @property
+    def sizes_mm(self) -> Floats:
+        """(3,) size of a voxel along i, j, k as ``pixdim`` has it; 1 along an axis that is not there."""
+        sizes = np.array(self.pixdim[1:4]) * _PER_UNIT_MM.get(self.xyzt_units & 7, 1.0)
+        return np.where((np.array(self.shape) == 1) & ~(sizes > 0), 1.0, sizes)
+
+
+def patient_affine(header: NiftiHeader, name: str) -> Floats:
+    """(4, 4) index (i, j, k) to LPS mm.
+
+    That of the sform where it leads to the scanner or there is no qform, else of the qform: so ITK chooses. A file
+    without both has voxel sizes alone, along the axes of LPS as ITK has it.
+
+    Raises
+    ------
+    InputError where it is not finite or not invertible, or a voxel's size is not above 0.
+
+    Warns
+    -----
+    GpubsplineWarning where the forms differ, or there is none, so that nothing tells left from right.
+    """
+    by_sform = header.sform_code > 0 and (header.sform_code == _SCANNER or header.qform_code <= 0)
+    if not by_sform and not (np.isfinite(header.sizes_mm).all() and (header.sizes_mm > 0).all()):
+        raise InputError(f"expected sizes of voxels above 0 mm in {name}, got {_spelled(header.sizes_mm)}")
+    if header.sform_code <= 0 and header.qform_code <= 0:
+        _warn(f"{name} says nothing of its orientation: rows are taken to run to the left, slices upwards")
+        return np.diag([*header.sizes_mm, 1.0])
+    affine = header.sform if by_sform else header.qform
+    if header.shape[2] == 1 and not affine[:3, 2].any():  # one slice needs no thickness
+        normal = np.cross(affine[:3, 0], affine[:3, 1])
+        affine[:3, 2] = normal / max(float(np.linalg.norm(normal)), 1e-12)
+    if not np.isfinite(affine).all() or abs(np.linalg.det(affine[:3, :3])) < 1e-12:
+        raise InputError(f"expected an invertible orientation in {name}, got {affine[:3].tolist()}")
+    if header.sform_code > 0 and header.qform_code > 0:
+        off = _apart(header)
+        if off > APART * float(np.linalg.norm(affine[:3, :3], axis=0).min()):
+            kind = "sform" if by_sform else "qform"
+            _warn(f"the qform and the sform of {name} are up to {off:.3g} mm apart: the {kind} is taken, as ITK does")
+    return _TO_LPS @ affine
+
+
+def _apart(header: NiftiHeader) -> float:
+    """Greatest distance of a corner voxel's places by qform and sform, mm."""
+    corners = np.array([[i, j, k, 1] for i in (0, 1) for j in (0, 1) for k in (0, 1)], dtype=np.float64)
+    corners[:, :3] *= np.array(header.shape) - 1
+    return float(np.linalg.norm((corners @ (header.sform - header.qform).T)[:, :3], axis=1).max())
+
+
+def _spelled(sizes_mm: Floats) -> str:
+    return " x ".join(f"{size:g}" for size in sizes_mm)
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, GpubsplineWarning, stacklevel=4)
 
 
 def check_nifti(path: Path) -> NiftiHeader:
@@ -111,8 +212,13 @@ def _parse(start: bytes) -> NiftiHeader:
                 dim=fields["dim"],
                 datatype=int(fields["datatype"][0]),
                 bitpix=int(fields["bitpix"][0]),
+                pixdim=fields["pixdim"],
                 vox_offset=int(fields["vox_offset"][0]),
+                xyzt_units=int(fields["xyzt_units"][0]),
+                qform_code=int(fields["qform_code"][0]),
                 sform_code=int(fields["sform_code"][0]),
+                quatern=fields["quatern"],
+                qoffset=fields["qoffset"],
                 srow=np.array(fields["srow"], dtype=np.float64).reshape(3, 4),
             )
     raise ValueError("no NIfTI header")
