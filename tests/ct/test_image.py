@@ -254,6 +254,19 @@ def test_nifti_without_a_place_is_refused(tmp_path, capfd, wanted, words):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(("extension", "field"), [(".mha", "ElementSpacing"), (".nrrd", "space directions")])
+def test_images_that_do_not_tell_their_size_are_refused(tmp_path, extension, field):
+    """ITK takes 1 mm."""
+    path = tmp_path / f"a{extension}"
+    sitk.WriteImage(sitk.GetImageFromArray(np.zeros((3, 4, 5), np.int16)), str(path))
+    assert read_volume(path).shape == (5, 4, 3)
+    lines = path.read_bytes().split(b"\n")
+    path.write_bytes(b"\n".join(line for line in lines if not line.startswith(field.encode())))
+    assert sitk.ReadImage(str(path)).GetSpacing() == (1, 1, 1)
+    with pytest.raises(InputError, match=rf"the size of voxels in a\{extension}"):
+        read_volume(path)
+
+
 def test_truncated_and_pickled_arrays_are_errors(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, np.zeros((20, 20, 20)))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gpubspline.ct.dicom import Progress, read_dicom
 from gpubspline.ct.metaimage import check_metaimage
 from gpubspline.ct.nifti import check_nifti, patient_affine
+from gpubspline.ct.nrrd import check_nrrd
 from gpubspline.ct.series import is_dicom
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
@@ -91,8 +92,9 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     Raises InputError where the file is damaged, or not one scalar value on a two- or three-dimensional grid.
     """
     affine = patient_affine(check_nifti(path), path.name) if format_name(path) == "NIfTI" else None
-    if format_name(path) == "MetaImage":
-        check_metaimage(path)
+    check = {"MetaImage": check_metaimage, "NRRD": check_nrrd}.get(str(format_name(path)))
+    if check is not None:
+        check(path)
     try:
         with quiet_itk():
             image = sitk.ReadImage(str(path))

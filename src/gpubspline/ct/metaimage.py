@@ -1,4 +1,4 @@
-"""What ITK says about a MetaImage on stderr only: that its samples are elsewhere, or not all there."""
+"""What ITK does not say of a MetaImage, or on stderr only: that it has no size, or its samples are not all there."""
 
 from math import prod
 from pathlib import Path
@@ -24,12 +24,14 @@ _BYTES = {
 def check_metaimage(path: Path) -> None:
     """Look for the samples that the header of a ``.mha`` or ``.mhd`` file announces, and count their bytes.
 
-    Raises InputError where they are missing or fewer than announced.
+    Raises InputError where they are missing or fewer than announced, or it does not say how large its voxels are.
     """
     with path.open("rb") as file:
         start = file.read(_HEADER)
     fields, length = _parse(start)
     name = fields.get("ElementDataFile", "")
+    if name and not {"ElementSpacing", "ElementSize"} & fields.keys():
+        raise InputError(f"expected the size of voxels in {path.name}, got no ElementSpacing in its header")
     if not name or name == "LIST" or "%" in name:
         return
     data = path if name.upper() == "LOCAL" else path.parent / name
