@@ -77,20 +77,45 @@ inline realv least(const realv *corner, int n_corners)
     return low;
 }
 
-// Node `corner` of the cells first ... first + LANES - 1; lanes beyond the last cell repeat it.
-inline point gather(__global const real *x, __global const real *y, __global const real *z, __global const int *cells,
-                    int n_corners, int n_cells, int first, int corner)
+// Node `corner` of the cells first ... first + LANES - 1; lanes beyond the last cell repeat it. Nodes are x, y, z and a
+// number that is not read.
+inline point gather_each(__global const real *nodes, __global const int *cells, int n_corners, int n_cells, int first,
+                         int corner)
 {
     union { realv v; real lane[LANES]; } px, py, pz;
     for (int lane = 0; lane < LANES; lane++) {
-        int node = cells[(size_t)min(first + lane, n_cells - 1) * n_corners + corner];
-        px.lane[lane] = x[node];
-        py.lane[lane] = y[node];
-        pz.lane[lane] = z[node];
+        JOIN(real, 4) node = vload4(cells[(size_t)min(first + lane, n_cells - 1) * n_corners + corner], nodes);
+        px.lane[lane] = node.x;
+        py.lane[lane] = node.y;
+        pz.lane[lane] = node.z;
     }
     point p = {px.v, py.v, pz.v};
     return p;
 }
+
+#if LANES == 1
+#define corner_of(first, corner, n_corners) gather_each(nodes, cells, n_corners, n_cells, first, corner)
+#else
+#define NODE(lane) vload4(cell[lane * n_corners], nodes)
+
+// The same in a third of the time: one load a node, and eight nodes turned into lanes within the halves of vectors.
+inline point gather(__global const real *nodes, __global const int *cells, int n_corners, int first, int corner)
+{
+    __global const int *cell = cells + (size_t)first * n_corners + corner;
+    realv a = (realv)(NODE(0), NODE(4)), b = (realv)(NODE(1), NODE(5));
+    realv c = (realv)(NODE(2), NODE(6)), d = (realv)(NODE(3), NODE(7));
+    realv xy_ab = (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
+    realv xy_cd = (realv)(c.s0, d.s0, c.s1, d.s1, c.s4, d.s4, c.s5, d.s5);
+    realv z_ab = (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
+    realv z_cd = (realv)(c.s2, d.s2, c.s3, d.s3, c.s6, d.s6, c.s7, d.s7);
+    point p = {(realv)(xy_ab.s01, xy_cd.s01, xy_ab.s45, xy_cd.s45), (realv)(xy_ab.s23, xy_cd.s23, xy_ab.s67, xy_cd.s67),
+               (realv)(z_ab.s01, z_cd.s01, z_ab.s45, z_cd.s45)};
+    return p;
+}
+#define corner_of(first, corner, n_corners) \
+    (first + LANES <= n_cells ? gather(nodes, cells, n_corners, first, corner) \
+                              : gather_each(nodes, cells, n_corners, n_cells, first, corner))
+#endif
 
 inline point row(__global const real *x, __global const real *y, __global const real *z, size_t node)
 {
@@ -98,29 +123,48 @@ inline point row(__global const real *x, __global const real *y, __global const 
     return p;
 }
 
+#define TWO_NODES(a, b) (realv)(px.s##a, py.s##a, pz.s##a, 0, px.s##b, py.s##b, pz.s##b, 0)
+
+// nodes: (n_nodes, 4), the fourth is 0.
 __kernel __attribute__((vec_type_hint(realv)))
-void hex_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
-                         __global const int *cells, int n_cells, __global real *out)
+void interleave(__global const real *x, __global const real *y, __global const real *z, int n_nodes,
+                __global real *nodes)
+{
+    FOR_LANES(first, n_nodes) {
+        realv px = load(x, first), py = load(y, first), pz = load(z, first);
+#if LANES == 1
+        vstore4((JOIN(real, 4))(px, py, pz, 0), first, nodes);
+#else
+        realv two[4] = {TWO_NODES(0, 1), TWO_NODES(2, 3), TWO_NODES(4, 5), TWO_NODES(6, 7)};
+        for (int pair = 0; pair < 4; pair++)
+            stream(two[pair], nodes, 4 * (size_t)first + 8 * pair, 4 * (n_nodes - first) - 8 * pair);
+#endif
+    }
+}
+
+__kernel __attribute__((vec_type_hint(realv)))
+void hex_scaled_jacobian(__global const real *nodes, __global const int *cells, int n_cells,
+                         __global real *out)
 {
     FOR_LANES(first, n_cells) {
         point p[8];
         realv corner[8];
         for (int c = 0; c < 8; c++)
-            p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+            p[c] = corner_of(first, c, 8);
         hex_corners(p, corner);
         store(least(corner, 8), out, first, n_cells - first);
     }
 }
 
 __kernel __attribute__((vec_type_hint(realv)))
-void quad_scaled_jacobian(__global const real *x, __global const real *y, __global const real *z,
-                          __global const int *cells, int n_cells, __global real *out)
+void quad_scaled_jacobian(__global const real *nodes, __global const int *cells, int n_cells,
+                          __global real *out)
 {
     FOR_LANES(first, n_cells) {
         point p[4];
         realv corner[4];
         for (int c = 0; c < 4; c++)
-            p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+            p[c] = corner_of(first, c, 4);
         quad_corners(p, corner);
         store(least(corner, 4), out, first, n_cells - first);
     }
@@ -128,14 +172,14 @@ void quad_scaled_jacobian(__global const real *x, __global const real *y, __glob
 
 // out: (8, n_cells) planes
 __kernel __attribute__((vec_type_hint(realv)))
-void hex_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
-                         __global const int *cells, int n_cells, __global real *out)
+void hex_corner_jacobian(__global const real *nodes, __global const int *cells, int n_cells,
+                         __global real *out)
 {
     FOR_LANES(first, n_cells) {
         point p[8];
         realv corner[8];
         for (int c = 0; c < 8; c++)
-            p[c] = gather(x, y, z, cells, 8, n_cells, first, c);
+            p[c] = corner_of(first, c, 8);
         hex_corners(p, corner);
         for (int c = 0; c < 8; c++)
             store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);
@@ -144,14 +188,14 @@ void hex_corner_jacobian(__global const real *x, __global const real *y, __globa
 
 // out: (4, n_cells) planes
 __kernel __attribute__((vec_type_hint(realv)))
-void quad_corner_jacobian(__global const real *x, __global const real *y, __global const real *z,
-                          __global const int *cells, int n_cells, __global real *out)
+void quad_corner_jacobian(__global const real *nodes, __global const int *cells, int n_cells,
+                          __global real *out)
 {
     FOR_LANES(first, n_cells) {
         point p[4];
         realv corner[4];
         for (int c = 0; c < 4; c++)
-            p[c] = gather(x, y, z, cells, 4, n_cells, first, c);
+            p[c] = corner_of(first, c, 4);
         quad_corners(p, corner);
         for (int c = 0; c < 4; c++)
             store(corner[c], out, (size_t)c * n_cells + first, n_cells - first);

@@ -4,7 +4,8 @@ At each corner the determinant of the unit edge vectors, for the element the lea
 of no length counts 0. Source: Knupp 2000; quads in space as the Verdict library defines them, against the normal at the
 centre.
 
-Coordinates are lanes (``kernels/lanes.py``): lane l of a vector belongs to the element l further on in the row.
+Coordinates are lanes (``kernels/lanes.py``): lane l of a vector belongs to the element l further on in the row, or in
+the table of elements.
 """
 
 from typing import Any
@@ -26,8 +27,8 @@ def unit(x: Any, y: Any, z: Any):
 
 
 @wp.func
-def unit_edge(x: LaneArray, y: LaneArray, z: LaneArray, start: wp.int32, end: wp.int32):
-    ex, ey, ez = unit(x[end] - x[start], y[end] - y[start], z[end] - z[start])
+def unit_edge(ax: Any, ay: Any, az: Any, bx: Any, by: Any, bz: Any):
+    ex, ey, ez = unit(bx - ax, by - ay, bz - az)
     return ex, ey, ez
 
 
@@ -40,54 +41,81 @@ def det3(ax: Any, ay: Any, az: Any, bx: Any, by: Any, bz: Any, cx: Any, cy: Any,
 
 @wp.func
 def hex_corners(
-    x: LaneArray,
-    y: LaneArray,
-    z: LaneArray,
-    n0: wp.int32,
-    n1: wp.int32,
-    n2: wp.int32,
-    n3: wp.int32,
-    n4: wp.int32,
-    n5: wp.int32,
-    n6: wp.int32,
-    n7: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
+    x1: Any,
+    y1: Any,
+    z1: Any,
+    x2: Any,
+    y2: Any,
+    z2: Any,
+    x3: Any,
+    y3: Any,
+    z3: Any,
+    x4: Any,
+    y4: Any,
+    z4: Any,
+    x5: Any,
+    y5: Any,
+    z5: Any,
+    x6: Any,
+    y6: Any,
+    z6: Any,
+    x7: Any,
+    y7: Any,
+    z7: Any,
 ):
     """Determinants at corners 0 to 3 round one face, 4 to 7 over them."""
-    u0, u1, u2 = unit_edge(x, y, z, n0, n1)
-    v0, v1, v2 = unit_edge(x, y, z, n0, n3)
-    w0, w1, w2 = unit_edge(x, y, z, n0, n4)
+    u0, u1, u2 = unit_edge(x0, y0, z0, x1, y1, z1)
+    v0, v1, v2 = unit_edge(x0, y0, z0, x3, y3, z3)
+    w0, w1, w2 = unit_edge(x0, y0, z0, x4, y4, z4)
     c0 = det3(u0, u1, u2, v0, v1, v2, w0, w1, w2)
-    s0, s1, s2 = unit_edge(x, y, z, n1, n2)
-    t0, t1, t2 = unit_edge(x, y, z, n1, n5)
+    s0, s1, s2 = unit_edge(x1, y1, z1, x2, y2, z2)
+    t0, t1, t2 = unit_edge(x1, y1, z1, x5, y5, z5)
     c1 = det3(u0, u1, u2, s0, s1, s2, t0, t1, t2)
-    p0, p1, p2 = unit_edge(x, y, z, n3, n2)
-    q0, q1, q2 = unit_edge(x, y, z, n2, n6)
+    p0, p1, p2 = unit_edge(x3, y3, z3, x2, y2, z2)
+    q0, q1, q2 = unit_edge(x2, y2, z2, x6, y6, z6)
     c2 = det3(p0, p1, p2, s0, s1, s2, q0, q1, q2)
-    r0, r1, r2 = unit_edge(x, y, z, n3, n7)
+    r0, r1, r2 = unit_edge(x3, y3, z3, x7, y7, z7)
     c3 = det3(p0, p1, p2, v0, v1, v2, r0, r1, r2)
-    a0, a1, a2 = unit_edge(x, y, z, n4, n5)
-    b0, b1, b2 = unit_edge(x, y, z, n4, n7)
+    a0, a1, a2 = unit_edge(x4, y4, z4, x5, y5, z5)
+    b0, b1, b2 = unit_edge(x4, y4, z4, x7, y7, z7)
     c4 = det3(a0, a1, a2, b0, b1, b2, w0, w1, w2)
-    d0, d1, d2 = unit_edge(x, y, z, n5, n6)
+    d0, d1, d2 = unit_edge(x5, y5, z5, x6, y6, z6)
     c5 = det3(a0, a1, a2, d0, d1, d2, t0, t1, t2)
-    e0, e1, e2 = unit_edge(x, y, z, n7, n6)
+    e0, e1, e2 = unit_edge(x7, y7, z7, x6, y6, z6)
     c6 = det3(e0, e1, e2, d0, d1, d2, q0, q1, q2)
     c7 = det3(e0, e1, e2, b0, b1, b2, r0, r1, r2)
     return c0, c1, c2, c3, c4, c5, c6, c7
 
 
 @wp.func
-def quad_corners(x: LaneArray, y: LaneArray, z: LaneArray, n0: wp.int32, n1: wp.int32, n2: wp.int32, n3: wp.int32):
-    a0, a1, a2 = unit_edge(x, y, z, n0, n1)
-    b0, b1, b2 = unit_edge(x, y, z, n1, n2)
-    c0, c1, c2 = unit_edge(x, y, z, n2, n3)
-    d0, d1, d2 = unit_edge(x, y, z, n3, n0)
-    s0 = (x[n1] - x[n0]) - (x[n3] - x[n2])
-    s1 = (y[n1] - y[n0]) - (y[n3] - y[n2])
-    s2 = (z[n1] - z[n0]) - (z[n3] - z[n2])
-    t0 = (x[n2] - x[n1]) - (x[n0] - x[n3])
-    t1 = (y[n2] - y[n1]) - (y[n0] - y[n3])
-    t2 = (z[n2] - z[n1]) - (z[n0] - z[n3])
+def quad_corners(
+    x0: Any,
+    y0: Any,
+    z0: Any,
+    x1: Any,
+    y1: Any,
+    z1: Any,
+    x2: Any,
+    y2: Any,
+    z2: Any,
+    x3: Any,
+    y3: Any,
+    z3: Any,
+):
+    """Determinants at corners 0 to 3."""
+    a0, a1, a2 = unit_edge(x0, y0, z0, x1, y1, z1)
+    b0, b1, b2 = unit_edge(x1, y1, z1, x2, y2, z2)
+    c0, c1, c2 = unit_edge(x2, y2, z2, x3, y3, z3)
+    d0, d1, d2 = unit_edge(x3, y3, z3, x0, y0, z0)
+    s0 = (x1 - x0) - (x3 - x2)
+    s1 = (y1 - y0) - (y3 - y2)
+    s2 = (z1 - z0) - (z3 - z2)
+    t0 = (x2 - x1) - (x0 - x3)
+    t1 = (y2 - y1) - (y0 - y3)
+    t2 = (z2 - z1) - (z0 - z3)
     m0, m1, m2 = unit(
         wp.cw_mul(s1, t2) - wp.cw_mul(s2, t1),
         wp.cw_mul(s2, t0) - wp.cw_mul(s0, t2),
@@ -107,74 +135,117 @@ def least4(a: Any, b: Any, c: Any, d: Any):
 
 
 @wp.func
-def hex_of(x: LaneArray, y: LaneArray, z: LaneArray, cells: wp.array(dtype=wp.int32), c: wp.int32):
-    k = c * 8
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
-        x,
-        y,
-        z,
-        cells[k],
-        cells[k + 1],
-        cells[k + 2],
-        cells[k + 3],
-        cells[k + 4],
-        cells[k + 5],
-        cells[k + 6],
-        cells[k + 7],
-    )
-    return c0, c1, c2, c3, c4, c5, c6, c7
+def hex_nodes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, corner: wp.int32, like: Any):
+    """One corner of the cells c and on."""
+    x = type(like)()
+    y = type(like)()
+    z = type(like)()
+    for lane in range(len(like)):
+        node = 4 * cells[8 * (c + lane) + corner]
+        x[lane] = nodes[node]
+        y[lane] = nodes[node + 1]
+        z[lane] = nodes[node + 2]
+    return x, y, z
 
 
 @wp.func
-def quad_of(x: LaneArray, y: LaneArray, z: LaneArray, cells: wp.array(dtype=wp.int32), c: wp.int32):
-    k = c * 4
-    c0, c1, c2, c3 = quad_corners(x, y, z, cells[k], cells[k + 1], cells[k + 2], cells[k + 3])
-    return c0, c1, c2, c3
+def quad_nodes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, corner: wp.int32, like: Any):
+    """One corner of the cells c and on."""
+    x = type(like)()
+    y = type(like)()
+    z = type(like)()
+    for lane in range(len(like)):
+        node = 4 * cells[4 * (c + lane) + corner]
+        x[lane] = nodes[node]
+        y[lane] = nodes[node + 1]
+        z[lane] = nodes[node + 2]
+    return x, y, z
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def interleave(
+    x: wp.array(dtype=Any),
+    y: wp.array(dtype=Any),
+    z: wp.array(dtype=Any),
+    n_nodes: wp.int32,
+    nodes: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """nodes: (n_nodes, 4), the fourth is 0."""
+    i = wp.tid() + first
+    nodes[4 * i] = x[i]
+    nodes[4 * i + 1] = y[i]
+    nodes[4 * i + 2] = z[i]
+    nodes[4 * i + 3] = nodes.dtype(0.0)
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def hex_scaled_jacobian(
-    x: LaneArray,
-    y: LaneArray,
-    z: LaneArray,
+    nodes: wp.array(dtype=Any),
     cells: wp.array(dtype=wp.int32),
     n_cells: wp.int32,
     out: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
-    c = wp.tid() + first
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_of(x, y, z, cells, c)
+    c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
+    like = out.dtype()
+    x0, y0, z0 = hex_nodes(nodes, cells, c, 0, like)
+    x1, y1, z1 = hex_nodes(nodes, cells, c, 1, like)
+    x2, y2, z2 = hex_nodes(nodes, cells, c, 2, like)
+    x3, y3, z3 = hex_nodes(nodes, cells, c, 3, like)
+    x4, y4, z4 = hex_nodes(nodes, cells, c, 4, like)
+    x5, y5, z5 = hex_nodes(nodes, cells, c, 5, like)
+    x6, y6, z6 = hex_nodes(nodes, cells, c, 6, like)
+    x7, y7, z7 = hex_nodes(nodes, cells, c, 7, like)
+    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
+        x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4, x5, y5, z5, x6, y6, z6, x7, y7, z7
+    )
     out[c] = wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7))
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def quad_scaled_jacobian(
-    x: LaneArray,
-    y: LaneArray,
-    z: LaneArray,
+    nodes: wp.array(dtype=Any),
     cells: wp.array(dtype=wp.int32),
     n_cells: wp.int32,
     out: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
-    c = wp.tid() + first
-    c0, c1, c2, c3 = quad_of(x, y, z, cells, c)
+    c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
+    like = out.dtype()
+    x0, y0, z0 = quad_nodes(nodes, cells, c, 0, like)
+    x1, y1, z1 = quad_nodes(nodes, cells, c, 1, like)
+    x2, y2, z2 = quad_nodes(nodes, cells, c, 2, like)
+    x3, y3, z3 = quad_nodes(nodes, cells, c, 3, like)
+    c0, c1, c2, c3 = quad_corners(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3)
     out[c] = least4(c0, c1, c2, c3)
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def hex_corner_jacobian(
-    x: LaneArray,
-    y: LaneArray,
-    z: LaneArray,
+    nodes: wp.array(dtype=Any),
     cells: wp.array(dtype=wp.int32),
     n_cells: wp.int32,
     out: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
     """out: (8, n_cells) planes."""
-    c = wp.tid() + first
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_of(x, y, z, cells, c)
+    c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
+    like = out.dtype()
+    x0, y0, z0 = hex_nodes(nodes, cells, c, 0, like)
+    x1, y1, z1 = hex_nodes(nodes, cells, c, 1, like)
+    x2, y2, z2 = hex_nodes(nodes, cells, c, 2, like)
+    x3, y3, z3 = hex_nodes(nodes, cells, c, 3, like)
+    x4, y4, z4 = hex_nodes(nodes, cells, c, 4, like)
+    x5, y5, z5 = hex_nodes(nodes, cells, c, 5, like)
+    x6, y6, z6 = hex_nodes(nodes, cells, c, 6, like)
+    x7, y7, z7 = hex_nodes(nodes, cells, c, 7, like)
+    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
+        x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4, x5, y5, z5, x6, y6, z6, x7, y7, z7
+    )
     out[c] = c0
     out[n_cells + c] = c1
     out[2 * n_cells + c] = c2
@@ -187,17 +258,21 @@ def hex_corner_jacobian(
 
 @wp.kernel(enable_backward=False, module="unique")
 def quad_corner_jacobian(
-    x: LaneArray,
-    y: LaneArray,
-    z: LaneArray,
+    nodes: wp.array(dtype=Any),
     cells: wp.array(dtype=wp.int32),
     n_cells: wp.int32,
     out: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
     """out: (4, n_cells) planes."""
-    c = wp.tid() + first
-    c0, c1, c2, c3 = quad_of(x, y, z, cells, c)
+    c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
+    like = out.dtype()
+    x0, y0, z0 = quad_nodes(nodes, cells, c, 0, like)
+    x1, y1, z1 = quad_nodes(nodes, cells, c, 1, like)
+    x2, y2, z2 = quad_nodes(nodes, cells, c, 2, like)
+    x3, y3, z3 = quad_nodes(nodes, cells, c, 3, like)
+    c0, c1, c2, c3 = quad_corners(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3)
     out[c] = c0
     out[n_cells + c] = c1
     out[2 * n_cells + c] = c2
@@ -224,7 +299,32 @@ def hex_scaled_jacobian_structured(
     b = a + n_u
     c = a + n_u * n_v
     d = c + n_u
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(x, y, z, a, a + 1, b + 1, b, c, c + 1, d + 1, d)
+    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
+        x[a],
+        y[a],
+        z[a],
+        x[a + 1],
+        y[a + 1],
+        z[a + 1],
+        x[b + 1],
+        y[b + 1],
+        z[b + 1],
+        x[b],
+        y[b],
+        z[b],
+        x[c],
+        y[c],
+        z[c],
+        x[c + 1],
+        y[c + 1],
+        z[c + 1],
+        x[d + 1],
+        y[d + 1],
+        z[d + 1],
+        x[d],
+        y[d],
+        z[d],
+    )
     out[(k * (n_v - 1) + j) * (n_u - 1) + i] = wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7))
 
 
@@ -245,5 +345,7 @@ def quad_scaled_jacobian_structured(
     i = wp.min(item * lanes, n_u - 1 - lanes)
     a = j * n_u + i
     b = a + n_u
-    c0, c1, c2, c3 = quad_corners(x, y, z, a, a + 1, b + 1, b)
+    c0, c1, c2, c3 = quad_corners(
+        x[a], y[a], z[a], x[a + 1], y[a + 1], z[a + 1], x[b + 1], y[b + 1], z[b + 1], x[b], y[b], z[b]
+    )
     out[j * (n_u - 1) + i] = least4(c0, c1, c2, c3)

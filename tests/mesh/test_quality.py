@@ -7,7 +7,7 @@ from gpubspline.errors import InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.quality import assess, corner_scaled_jacobian, scaled_jacobian, summarise
+from gpubspline.mesh.quality import assess, corner_scaled_jacobian, launch_explicit, scaled_jacobian, summarise
 
 HEX_NEIGHBOURS = [(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)]
 
@@ -84,6 +84,25 @@ def test_corners_of_a_hex_are_determinants_of_unit_edges(device64):
         edges = x[:, neighbours] - x[:, [corner]]
         expected = np.linalg.det(edges / np.linalg.norm(edges, axis=2, keepdims=True))
         np.testing.assert_allclose(corner_scaled_jacobian(mesh, device64)[:, corner], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_an_element_is_judged_alike_however_many_there_are(element_type, any_device):
+    """Less than a vector of lanes, whole vectors, and a rest."""
+    mesh = distorted(element_type, 67)
+    planes = [any_device.put(plane) for plane in mesh.planes]
+
+    def judged(count):
+        values = any_device.put(np.full(count + 3, -9.0))
+        cells = any_device.put(mesh.cells[:count])
+        args = (planes, mesh.n_nodes, cells, count, values, any_device)
+        launch_explicit(f"{element_type[:-1]}_scaled_jacobian", *args)
+        return any_device.get(values)
+
+    whole = judged(67)
+    assert len(np.unique(whole[:67])) == 67
+    for count in (1, 7, 8, 9, 31, 32, 33, 66):
+        np.testing.assert_array_equal(judged(count), [*whole[:count], -9, -9, -9])
 
 
 @pytest.mark.parametrize("element_type", ["quad4", "hex8"])

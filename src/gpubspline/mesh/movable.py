@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.device.vectors import products
+from gpubspline.mesh.quality import launch_explicit
 
 FREE = 1e9
 """Slack of a node that may go anywhere."""
@@ -132,9 +133,8 @@ class Movable:
         """Scaled Jacobian (m,) of each hex at x (3, n)."""
         planes = self.device.get(x).reshape(3, -1)
         out = self.device.empty(self.n_elements)
-        args = [self.device.put(plane) for plane in planes]
-        cells = self.device.put(self.cells)
-        self.device.launch("quality.hex_scaled_jacobian", self.n_elements, *args, cells, self.n_elements, out)
+        points, cells = [self.device.put(plane) for plane in planes], self.device.put(self.cells)
+        launch_explicit("hex_scaled_jacobian", points, self.n_nodes, cells, self.n_elements, out, self.device)
         return np.array(self.device.get(out))
 
 

@@ -30,27 +30,51 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     Source: eqs 3.4 and 3.5 of the paper; Knupp 2000. VTK takes the hex's centre into the minimum too, which is below
     all corners only where a corner is negative already.
     """
-    kind = mesh.element_type.rstrip("0123456789")
-    result = device.empty(mesh.n_elements)
+    kind = _kind(mesh)
     if mesh.structure is None:
-        cells = device.put(_corner_cells(mesh))
-        points = _put_points(mesh.planes, device)
-        device.launch(f"quality.{kind}_scaled_jacobian", mesh.n_elements, *points, cells, mesh.n_elements, result)
-    else:
-        corners = structure.corner_nodes(mesh.element, mesh.structure)
-        points = _put_points(mesh.planes if corners is None else mesh.planes[:, corners], device)
-        launched = structure.element_counts(mesh.structure)[::-1]
-        device.launch(f"quality.{kind}_scaled_jacobian_structured", launched, *points, *mesh.structure, result)
+        return np.asarray(device.get(_explicit(mesh, f"{kind}_scaled_jacobian", 1, device)))
+    result = device.empty(mesh.n_elements)
+    corners = structure.corner_nodes(mesh.element, mesh.structure)
+    points = _put_points(mesh.planes if corners is None else mesh.planes[:, corners], device)
+    launched = structure.element_counts(mesh.structure)[::-1]
+    device.launch(f"quality.{kind}_scaled_jacobian_structured", launched, *points, *mesh.structure, result)
     return np.asarray(device.get(result))
 
 
 def corner_scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     """Scaled Jacobian at each corner of each element, (m, 4) or (m, 8), in the order of the vertices."""
-    kind, n_corners = mesh.element_type.rstrip("0123456789"), mesh.element.n_corners
-    result = device.empty(n_corners * mesh.n_elements)
-    cells, points = device.put(_corner_cells(mesh)), _put_points(mesh.planes, device)
-    device.launch(f"quality.{kind}_corner_jacobian", mesh.n_elements, *points, cells, mesh.n_elements, result)
-    return np.asarray(np.reshape(device.get(result), (n_corners, mesh.n_elements)).T)
+    result = _explicit(mesh, f"{_kind(mesh)}_corner_jacobian", mesh.element.n_corners, device)
+    return np.asarray(np.reshape(device.get(result), (-1, mesh.n_elements)).T)
+
+
+def launch_explicit(
+    kernel: str, points: Sequence[Buffer], n_nodes: int, cells: Buffer, n_cells: int, result: Buffer, device: Device
+) -> None:
+    """Launch a kernel of ``quality`` over a table of nodes.
+
+    Its gathers, which are most of its time, want the three coordinates of a node side by side.
+
+    Arguments
+    ---------
+    kernel: ``"hex_scaled_jacobian"`` or another that takes ``nodes``.
+    points: x, y, z (n_nodes,) each.
+    cells: (n_cells, 4) or (n_cells, 8) corners.
+    result: (n_cells,), or as many planes of them as there are corners.
+    """
+    nodes = device.empty(4 * n_nodes)
+    device.launch("quality.interleave", n_nodes, *points, n_nodes, nodes)
+    device.launch(f"quality.{kernel}", n_cells, nodes, cells, n_cells, result)
+
+
+def _explicit(mesh: Mesh, kernel: str, n_planes: int, device: Device) -> Buffer:
+    result = device.empty(n_planes * mesh.n_elements)
+    points, cells = _put_points(mesh.planes, device), device.put(_corner_cells(mesh))
+    launch_explicit(kernel, points, mesh.n_nodes, cells, mesh.n_elements, result, device)
+    return result
+
+
+def _kind(mesh: Mesh) -> str:
+    return mesh.element_type.rstrip("0123456789")
 
 
 def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:
