@@ -13,12 +13,11 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
-from gpubspline.mesh.blocks.size import size_for
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
+from gpubspline.mesh.element_size import default_size, size_for
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.sizing import default_size
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 from gpubspline.spline.lattice import SMOOTHING, sample_hu
 from gpubspline.spline.reformat import stack

@@ -80,7 +80,7 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
         off = None if body is None else distances(mesh, body.region, device)
         outside = alarms.outside if alarms is not None and alarms.of == "nodes" else None
         known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
-        counted = tally(mesh, quality, **known, weigh=False)  # the alarms do
+        counted = tally(mesh, quality, **known)
         covered = cover(mesh, body.region, device) if body is not None and mesh.element.dimension == 3 else None
     return Model(mesh, counted, sampling, law, alarms, calibrated, covered, optimized)
 

@@ -16,7 +16,7 @@ from gpubspline.ct.window import Window, crop, find_window
 from gpubspline.device import Device
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.blocks.level_set import SAMPLES
-from gpubspline.mesh.sizing import default_size
+from gpubspline.mesh.element_size import default_size
 from gpubspline.recipe import Body, Meshing, Source
 from gpubspline.surface.read import read_surface
 from gpubspline.surface.region import region_from_surface

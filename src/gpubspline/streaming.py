@@ -59,7 +59,7 @@ def stream_patch(
             with clock.stage("distance"):
                 off = None if body is None else _side_distances(slab, body.region, device, flat)
                 own: dict[str, Any] = {"own_nodes": slab.own_nodes, "out_of_range": alarms[-1].outside}
-                parts.append(tally(mesh, quality, **own, distances=off, weigh=False))
+                parts.append(tally(mesh, quality, **own, distances=off))
             with clock.stage("write"):
                 write_slab(writer, replace(slab, mesh=mesh))
                 clock.advance(slab.last, nodes[2] - 1)

@@ -6,7 +6,8 @@ from matplotlib.image import imread
 
 from gpubspline.ct.region import Region
 from gpubspline.errors import GpubsplineWarning, InputError
-from gpubspline.mesh.sizing import default_size, measure_thickness
+from gpubspline.mesh.element_size import default_size
+from gpubspline.mesh.thickness import measure_thickness
 from gpubspline.methods import warn_of_lost
 from gpubspline.report.features import draw_features, write_features
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.mesh.distance import SurfaceDistance, summarise_distances
-from gpubspline.mesh.mass import mass_g
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality, merge
 from gpubspline.mesh.validity import Certificate
@@ -46,7 +45,6 @@ class Tally:
     quality: of the elements.
     out_of_range: nodes whose HU no range of the law covers, or None where there is no law.
     distances: distances (s,), mm, from the surface to the region's, and the weight (s,) of each; or None.
-    mass_g: of hexes with a density; None of others, and where it was not asked for.
     certificate: of the hexes' validity; None of quads, and where it was not asked for.
     """
 
@@ -58,7 +56,6 @@ class Tally:
     quality: Quality
     out_of_range: int | None = None
     distances: tuple[Floats, Floats] | None = None
-    mass_g: float | None = None
     certificate: Certificate | None = None
 
     @property
@@ -74,10 +71,9 @@ def tally(
     own_nodes: slice = slice(None),
     out_of_range: int | None = None,
     distances: tuple[Floats, Floats] | None = None,
-    weigh: bool = True,
     certificate: Certificate | None = None,
 ) -> Tally:
-    """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it; ``weigh`` it or not."""
+    """Count a mesh, or a part of one of whose nodes ``own_nodes`` are counted with it."""
     own = {name: values[own_nodes] for name, values in mesh.fields.items()}
     own = {name: mesh.cell_fields[name] for name in _OF_ELEMENTS if name in mesh.cell_fields} | own
     spreads = {
@@ -87,14 +83,13 @@ def tally(
     size = mesh.volume_mm3 if mesh.element.dimension == 3 else mesh.area_mm2
     n_nodes = len(range(*own_nodes.indices(mesh.n_nodes)))
     counted = (mesh.element_type, n_nodes, mesh.n_elements, size, spreads, quality, out_of_range, distances)
-    return Tally(*counted, mass_g(mesh) if weigh else None, certificate)
+    return Tally(*counted, certificate)
 
 
 def add(parts: Sequence[Tally]) -> Tally:
     """Tally of a mesh from those of its parts, in the order of their elements."""
     spreads = {name: _joined([part.spreads[name] for part in parts]) for name in parts[0].spreads}
     outside = [part.out_of_range for part in parts if part.out_of_range is not None]
-    weights = [part.mass_g for part in parts]
     known = [part.distances for part in parts if part.distances is not None]
     return Tally(
         parts[0].element_type,
@@ -105,7 +100,6 @@ def add(parts: Sequence[Tally]) -> Tally:
         merge([part.quality for part in parts]),
         sum(outside) if outside else None,
         (np.concatenate([d for d, _ in known]), np.concatenate([w for _, w in known])) if known else None,
-        None if None in weights else sum(weight for weight in weights if weight is not None),
     )
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
 from gpubspline.mesh.coverage import surface_places
-from gpubspline.mesh.sizing import ACROSS, measure_thickness
+from gpubspline.mesh.element_size import ACROSS
+from gpubspline.mesh.thickness import measure_thickness
 from gpubspline.report.sheet import FAINT, INK, check_png, save
 
 VIEWS = (("from the front", 0, 2, "x", "z"), ("from the left", 1, 2, "y", "z"), ("from below", 0, 1, "x", "y"))

@@ -73,7 +73,7 @@ def summary(
         **validity_figures(counted.certificate),
         "volume_mm3": sizes if solid else none,
         "area_mm2": none if solid else sizes,
-        "mass_g": counted.mass_g if alarms is None else alarms.mass_mesh_g,
+        "mass_g": None if alarms is None else alarms.mass_mesh_g,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
         "region_distance_mm": None,
         "hu": _spread(counted.spreads.get("HU")),

@@ -13,8 +13,8 @@ from gpubspline.device import Device
 from gpubspline.errors import GpubsplineError, MeshError
 from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh, mesh_level_set
-from gpubspline.mesh.blocks.size import size_for
 from gpubspline.mesh.distance import sample_distance, surface_distance
+from gpubspline.mesh.element_size import size_for
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.quality import assess
 from gpubspline.surface.read import read_surface

@@ -1,4 +1,4 @@
-"""The element size that the thinnest feature of a region asks for."""
+"""Thickness of a region along its middle surface."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,6 @@ from scipy.ndimage import maximum_filter
 from gpubspline.ct.region import Region
 
 Floats = NDArray[np.float64]
-
-ACROSS = 2.0
-"""Elements across the thinnest feature: fewer and it may be lost."""
-
-FEWEST, MOST = 8_000, 100_000
-"""Elements that the thinnest feature may ask for, about; fewer or more have to be asked for by size or number."""
-
-
-def _guess(region: Region, elements: int) -> float:
-    """Size, mm, at which about so many blocks fill the region: cells, and one more on every open face of theirs."""
-    spacing = region.spacing_mm
-    stairs = 0.0
-    for axis in range(3):
-        low = np.moveaxis(region.mask, 2 - axis, 0)
-        face = float(np.prod(spacing) / spacing[axis])
-        stairs += face * np.count_nonzero(low[:-1] != low[1:])
-    roots = np.roots([elements, 0.0, -stairs, -region.volume_mm3])  # elements = volume / h^3 + stairs / h^2
-    return float(roots[np.isreal(roots)].real.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +44,3 @@ def measure_thickness(region: Region) -> Thickness:
     k, j, i = np.nonzero(middle)
     places = np.stack([i, j, k], axis=1) @ region.affine[:3, :3].T + region.affine[:3, 3]
     return Thickness(places, 2.0 * depth[middle].astype(np.float64))
-
-
-def default_size(region: Region) -> float:
-    """Element size, mm: half the thickness of the thinnest feature, within ``FEWEST`` and ``MOST`` elements.
-
-    Not smaller than half a voxel, below which the scan tells nothing.
-    """
-    finest = max(_guess(region, MOST), 0.5 * float(region.spacing_mm.min()))
-    return float(np.clip(measure_thickness(region).least() / ACROSS, finest, max(finest, _guess(region, FEWEST))))

@@ -1,4 +1,6 @@
-"""The element size that gives about as many hexes as are asked for."""
+"""The element size of hexes: what the thinnest feature of a region asks for, or what gives a number of elements."""
+
+import numpy as np
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
@@ -7,9 +9,37 @@ from gpubspline.mesh.blocks.core import cell_means, core_cells
 from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.thickness import measure_thickness
+
+ACROSS = 2.0
+"""Elements across the thinnest feature: fewer and it may be lost."""
+
+FEWEST, MOST = 8_000, 100_000
+"""Elements that the thinnest feature may ask for, about; fewer or more have to be asked for by size or number."""
 
 ROUNDS = 6
 CLOSE_ENOUGH = 0.03
+
+
+def default_size(region: Region) -> float:
+    """Element size, mm: half the thickness of the thinnest feature, within ``FEWEST`` and ``MOST`` elements.
+
+    Not smaller than half a voxel, below which the scan tells nothing.
+    """
+    finest = max(_guess(region, MOST), 0.5 * float(region.spacing_mm.min()))
+    return float(np.clip(measure_thickness(region).least() / ACROSS, finest, max(finest, _guess(region, FEWEST))))
+
+
+def _guess(region: Region, elements: int) -> float:
+    """Size, mm, at which about so many blocks fill the region: cells, and one more on every open face of theirs."""
+    spacing = region.spacing_mm
+    stairs = 0.0
+    for axis in range(3):
+        low = np.moveaxis(region.mask, 2 - axis, 0)
+        face = float(np.prod(spacing) / spacing[axis])
+        stairs += face * np.count_nonzero(low[:-1] != low[1:])
+    roots = np.roots([elements, 0.0, -stairs, -region.volume_mm3])  # elements = volume / h^3 + stairs / h^2
+    return float(roots[np.isreal(roots)].real.max())
 
 
 def size_for(region: Region, elements: int, device: Device) -> float:
