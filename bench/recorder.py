@@ -16,7 +16,7 @@ class Recorder:
         self._device = device
         self._launches: list[tuple[Any, ...]] = []
         self.backend, self.name, self.label, self.real = device.backend, device.name, device.label, device.real
-        self.on_build = device.on_build
+        self.cores, self.on_build = device.cores, device.on_build
 
     def put(self, array: Any) -> Buffer:
         return self._device.put(array)

@@ -72,6 +72,163 @@ void contract(__global const real *source, int n_control, int inner, __global co
     }
 }
 
+// Calls what is defined for each lane by its number.
+#if LANES == 8
+#define FOR_EACH_LANE(call) call(0) call(1) call(2) call(3) call(4) call(5) call(6) call(7)
+
+// LANES vectors a0, a1, ... transposed to vectors d0, d1, ...: pairs of lanes, then pairs of pairs, then halves.
+#define LOW_1(a, b) (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5)
+#define HIGH_1(a, b) (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7)
+#define LOW_2(a, b) (realv)(a.s01, b.s01, a.s45, b.s45)
+#define HIGH_2(a, b) (realv)(a.s23, b.s23, a.s67, b.s67)
+#define PAIRS(to, from, i, j) realv to##i = LOW_1(from##i, from##j), to##j = HIGH_1(from##i, from##j);
+#define FOURS(to, from, i, j) realv to##i = LOW_2(from##i, from##j), to##j = HIGH_2(from##i, from##j);
+#define HALVES(to, from, i, j, low, high) \
+    realv to##low = (realv)(from##i.lo, from##j.lo), to##high = (realv)(from##i.hi, from##j.hi);
+#define TRANSPOSED(d, a)                                                            \
+    PAIRS(b, a, 0, 1) PAIRS(b, a, 2, 3) PAIRS(b, a, 4, 5) PAIRS(b, a, 6, 7)         \
+    FOURS(c, b, 0, 2) FOURS(c, b, 1, 3) FOURS(c, b, 4, 6) FOURS(c, b, 5, 7)         \
+    HALVES(d, c, 0, 4, 0, 4) HALVES(d, c, 2, 6, 1, 5) HALVES(d, c, 1, 5, 2, 6) HALVES(d, c, 3, 7, 3, 7)
+#else
+#define FOR_EACH_LANE(call) call(0)
+#define TRANSPOSED(d, a) realv d##0 = a##0;
+#endif
+
+// u axis of LANES rows at once: their control points are interleaved, so that a span is read without a gather.
+inline void contract_lines(int n_control, __global const real *const *from, __global const int *span,
+                           __global const real *values, int degree, int n_out, __global real *packed,
+                           __global real *const *to)
+{
+#define ENDS(m)                             \
+    __global const real *from##m = from[m]; \
+    __global real *to##m = to[m];
+    FOR_EACH_LANE(ENDS)
+    for (int i = 0; i < n_control; i += LANES) {
+#define LOADED(m) realv a##m = load(from##m, i);
+#define PACK(m) store_all(d##m, packed, (i + m) * LANES);
+        FOR_EACH_LANE(LOADED)
+        TRANSPOSED(d, a)
+        FOR_EACH_LANE(PACK)
+    }
+#define PACKED(a) load(packed, start + a * LANES)
+#define SUMMED(m, p)                                             \
+    realv a##m;                                                  \
+    {                                                            \
+        int at = min(i + m, n_out - 1), start = (span[at] - degree) * LANES; \
+        __global const real *w = values + at;                    \
+        real w0 = w[0], w1 = w[n_out], w2 = p > 1 ? w[2 * n_out] : 0, w3 = p > 2 ? w[3 * n_out] : 0; \
+        real w4 = p > 3 ? w[4 * n_out] : 0, w5 = p > 4 ? w[5 * n_out] : 0; \
+        a##m = SUM_##p(PACKED);                                  \
+    }
+#define UNPACK(m) store_all(d##m, to##m, i);
+#define SUMMED_1(m) SUMMED(m, 1)
+#define SUMMED_2(m) SUMMED(m, 2)
+#define SUMMED_3(m) SUMMED(m, 3)
+#define SUMMED_4(m) SUMMED(m, 4)
+#define SUMMED_5(m) SUMMED(m, 5)
+#define LINES(p)                                             \
+    for (int i = 0; i < n_out; i += LANES) {                 \
+        FOR_EACH_LANE(SUMMED_##p)                            \
+        TRANSPOSED(d, a)                                     \
+        FOR_EACH_LANE(UNPACK)                                \
+    }
+    FOR_DEGREE(LINES)
+}
+
+// The sum of degree + 1 rows of `count` numbers by the weights of one parameter.
+inline void sum_rows(int degree, __global const real *const *rows, __global const real *values, int n_out, int count,
+                     __global real *to, bool large)
+{
+    real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
+    __global const real *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5];
+#define ROW(a) load(r##a, i)
+#define KEPT(p)                               \
+    for (int i = 0; i < count; i += LANES) \
+        store(SUM_##p(ROW), to, i, count - i);
+#define PAST(p)                                                        \
+    {                                                                  \
+        int i = 0, aligned = -((size_t)to / sizeof(real)) % LANES;     \
+        store(SUM_##p(ROW), to, 0, count);                             \
+        for (i = aligned; i < count; i += LANES)                       \
+            stream(SUM_##p(ROW), to, i, count - i);                    \
+    }
+    if (large)
+        FOR_DEGREE(PAST)
+    else
+        FOR_DEGREE(KEPT)
+}
+
+#if LANES > 1 // PoCL would put all work items into one group, which is one core's
+#define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
+#else
+#define ALONE
+#endif
+
+// All axes of a solid on a CPU: control (n_channels, n_w, n_v, n_u) -> target (n_channels, out_w, out_v, out_u).
+//
+// Launched over (items, 1, out_u); of an item only the first along u works. It makes a band of `band` rows of `part`
+// planes. Rows of control points that are contracted along u, and planes that are contracted along v too, wait for the
+// next pass in rings, which stay in its core's cache. `scratch` and `vectors` are one memory, `item_size` an item.
+ALONE __kernel __attribute__((vec_type_hint(realv)))
+void contract_solid(__global const real *control, int n_channels, int n_u, int n_v, int n_w,
+                    __global const int *span_u, __global const real *values_u, int degree_u, int out_u,
+                    __global const int *span_v, __global const real *values_v, int degree_v, int out_v,
+                    __global const int *span_w, __global const real *values_w, int degree_w, int out_w, int band,
+                    int part, int item_size, __global real *scratch, __global real *vectors, __global real *target)
+{
+    if (get_global_id(0) > 0)
+        return;
+    int item = get_global_id(2), n_bands = (out_v + band - 1) / band;
+    int first_j = item % n_bands * band, end_j = min(first_j + band, out_v);
+    int first_k = item / n_bands * part, end_k = min(first_k + part, out_w);
+    bool large = (size_t)n_channels * out_u * out_v * out_w * sizeof(real) > LARGE;
+    int block = max(LANES / n_channels, 1), n_rows = degree_v + block, n_planes = degree_w + 1;
+    int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = band * out_u + LANES;
+    __global real *packed = scratch + (size_t)item * item_size;
+    __global real *rows = vectors + (size_t)item * item_size + (n_u + LANES) * LANES;
+    __global real *planes = rows + n_rows * n_channels * row_size;
+    for (int k = first_k, plane = 0; k < end_k; k++) {
+        if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
+            plane = 0;
+        for (plane = max(plane, span_w[k] - degree_w); plane <= span_w[k]; plane++) {
+            for (int j = first_j, row = 0; j < end_j; j++) {
+                if (j > first_j && span_v[j] < span_v[j - 1])
+                    row = 0;
+                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += block)
+                    for (int line = 0; line < block * n_channels; line += LANES) {
+                        __global const real *from[LANES];
+                        __global real *to[LANES];
+                        for (int m = 0; m < LANES; m++) {
+                            int own = min(line + m, block * n_channels - 1), c = own % n_channels;
+                            int at = row + own / n_channels;
+                            from[m] = control + (((size_t)c * n_w + plane) * n_v + min(at, n_v - 1)) * n_u;
+                            to[m] = rows + (at % n_rows * n_channels + c) * row_size;
+                        }
+                        contract_lines(n_u, from, span_u, values_u, degree_u, out_u, packed, to);
+                    }
+                for (int c = 0; c < n_channels; c++) {
+                    __global const real *from[MAX_DEGREE + 1];
+                    for (int a = 0; a <= MAX_DEGREE; a++) {
+                        int at = span_v[j] - degree_v + min(a, degree_v);
+                        from[a] = rows + (at % n_rows * n_channels + c) * row_size;
+                    }
+                    __global real *to = planes + (plane % n_planes * n_channels + c) * plane_size;
+                    sum_rows(degree_v, from, values_v + j, out_v, row_size, to + (j - first_j) * out_u, false);
+                }
+            }
+        }
+        for (int c = 0; c < n_channels; c++) {
+            __global const real *from[MAX_DEGREE + 1];
+            for (int a = 0; a <= MAX_DEGREE; a++) {
+                int at = span_w[k] - degree_w + min(a, degree_w);
+                from[a] = planes + (at % n_planes * n_channels + c) * plane_size;
+            }
+            __global real *to = target + (((size_t)c * out_w + k) * out_v + first_j) * out_u;
+            sum_rows(degree_w, from, values_w + k, out_w, (end_j - first_j) * out_u, to, large);
+        }
+    }
+}
+
 // Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.
 __kernel void evaluate_points(__global const real *control, int n_channels, int n_u, int n_v, int n_w, int degree_u,
                               int degree_v, int degree_w, __global const int *span_u, __global const int *span_v,

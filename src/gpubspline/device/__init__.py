@@ -25,6 +25,7 @@ class Device(Protocol):
     name: what ``open_device`` was asked for, spelled out (``"opencl:0:0"``).
     label: the hardware in words.
     real: float32 or float64, the type of every floating-point buffer and argument.
+    cores: processor cores that share the work items, each with a cache of its own; 0 for a GPU.
     on_build: called with a kernel's name before its first launch, which compiles it where no earlier process has, and
         with ``""`` after it.
     """
@@ -33,6 +34,7 @@ class Device(Protocol):
     name: str
     label: str
     real: "np.dtype[Any]"
+    cores: int
     on_build: Callable[[str], None]
 
     def put(self, array: Any) -> Buffer:

@@ -59,6 +59,7 @@ class OpenCLDevice:
         self.on_build: Callable[[str], None] = quietly
         self._is_cpu = bool(device.type & opencl.device_type.CPU)
         self._lanes = CPU_LANES if self._is_cpu else 1
+        self.cores = device.max_compute_units if self._is_cpu else 0
         if self._is_cpu and device.platform.name == "Portable Computing Language":
             name_processor(device)
         self._context = opencl.Context([device])

@@ -66,6 +66,7 @@ class WarpDevice:
         self._lane_array = importlib.import_module("gpubspline.kernels.lanes").LaneArray
         self._compiled: set[Any] = set()
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
+        self.cores = self._threads if self._device.is_cpu else 0
 
     def put(self, array: Any) -> Any:
         """Upload, the last index fastest; what is on a Warp device already comes back as it is."""

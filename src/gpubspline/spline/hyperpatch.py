@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
+from gpubspline.spline.contract import basis, contract_grid, contract_points
 from gpubspline.spline.knots import MAX_DEGREE, check_knots, clamped_uniform, inserted
 
 Floats = NDArray[np.float64]
 Reals = NDArray[Any]
 ENDS = 1e-12
-ROW_BLOCK = 8  # rows of control points that share their weights in a work item
-PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work item
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,12 +162,12 @@ class Hyperpatch:
         control = self._homogeneous()
         buffer = device.put(np.asfortranarray(control).T)  # planes, u fastest
         bases = [
-            _basis(device, knots, degree, axis, n)
+            basis(device, knots, degree, axis, n)
             for knots, degree, axis, n in zip(self.knots, self.degrees, axes, order, strict=True)
         ]
         if grid:
-            return _contract(device, buffer, control.shape, self.degrees, bases)
-        return _scattered(device, buffer, control.shape, self.degrees, bases)
+            return contract_grid(device, buffer, control.shape, self.degrees, bases)
+        return contract_points(device, buffer, control.shape, self.degrees, bases)
 
 
 def hyperpatch(
@@ -208,56 +207,3 @@ def _checked(parameters: ArrayLike) -> Floats:
             "expected parameters from 0 to 1, got " + (f"{values.min()} to {values.max()}" if values.size else "none")
         )
     return np.clip(values, 0.0, 1.0)
-
-
-def _basis(device: Device, knots: Floats, degree: int, parameters: Floats, order: int) -> tuple[Buffer, Buffer, int]:
-    """Span (N,) and values (degree + 1, N) of one direction, and N."""
-    count = len(parameters)
-    span, values = device.empty(count, np.int32), device.empty((degree + 1, count))
-    n_control = len(knots) - degree - 1
-    arguments = (device.put(knots), degree, n_control, device.put(parameters), count, order, span, values)
-    device.launch("basis.basis_functions", count, *arguments)
-    return span, values, count
-
-
-def _contract(
-    device: Device,
-    buffer: Buffer,
-    shape: tuple[int, ...],
-    degrees: tuple[int, ...],
-    bases: list[tuple[Buffer, Buffer, int]],
-) -> tuple[Buffer, int]:
-    """Evaluate a grid one direction at a time; the last pass writes each node once."""
-    (span, values, inner), degree = bases[0], degrees[0]
-    rows = prod(shape[1:])
-    target = device.empty((rows, inner))
-    rows_of = (buffer, rows, ROW_BLOCK, shape[0], span, values, degree, inner, target)
-    device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
-    for direction in range(1, len(bases)):
-        buffer, (span, values, count), degree = target, bases[direction], degrees[direction]
-        outer = prod(shape[direction + 1 :])
-        target = device.empty((outer, count * inner))
-        items = (outer, -(-count // PLANE_BLOCK), inner)
-        arguments = (buffer, shape[direction], inner, span, values, degree, count, PLANE_BLOCK, target)
-        device.launch("patch.contract", items, *arguments)
-        inner *= count
-    return target, inner
-
-
-def _scattered(
-    device: Device,
-    buffer: Buffer,
-    shape: tuple[int, ...],
-    degrees: tuple[int, ...],
-    bases: list[tuple[Buffer, Buffer, int]],
-) -> tuple[Buffer, int]:
-    """Evaluate points; a surface is a solid of one layer and degree 0 in w."""
-    count = bases[0][2]
-    if len(bases) == 2:
-        ones = device.put(np.ones(count)), device.put(np.zeros(count, np.int32))
-        bases, shape, degrees = [*bases, (ones[1], ones[0], count)], (*shape[:2], 1, shape[2]), (*degrees, 0)
-    target = device.empty((shape[3], count))
-    spans, values = [basis[0] for basis in bases], [basis[1] for basis in bases]
-    arguments = (buffer, shape[3], *shape[:3], *degrees, *spans, *values, count, target)
-    device.launch("patch.evaluate_points", (shape[3], count), *arguments)
-    return target, count

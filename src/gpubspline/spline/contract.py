@@ -1,0 +1,104 @@
+"""The sums of a patch on a device: a direction at a time on a grid, all of them at scattered points."""
+
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Buffer, Device
+
+Basis = tuple[Buffer, Buffer, int]
+"""Span (N,) and values (degree + 1, N) of one direction, and N."""
+
+ROW_BLOCK = 8  # rows of control points that share their weights in a work item
+PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work item
+RING_BYTES = 400 << 10  # planes that wait for the last pass: half of a core's second cache or less
+ITEMS_PER_CORE = 4  # so that cores which are held up leave work to others
+MOST_LANES = 32
+
+
+def basis(
+    device: Device, knots: NDArray[np.float64], degree: int, parameters: NDArray[np.float64], order: int
+) -> Basis:
+    """Basis functions, or their derivatives of an order, at the parameters of one direction."""
+    count = len(parameters)
+    span, values = device.empty(count, np.int32), device.empty((degree + 1, count))
+    n_control = len(knots) - degree - 1
+    arguments = (device.put(knots), degree, n_control, device.put(parameters), count, order, span, values)
+    device.launch("basis.basis_functions", count, *arguments)
+    return span, values, count
+
+
+def contract_grid(
+    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+) -> tuple[Buffer, int]:
+    """Evaluate a grid one direction at a time, u first; the last pass writes each node once.
+
+    Arguments
+    ---------
+    control: (K, [n_w,] n_v, n_u) planes on the device.
+    shape: (n_u, n_v[, n_w], K).
+
+    Returns
+    -------
+    Buffer (K, N) of planes, and N. The same numbers come from all devices, in one launch or in three.
+    """
+    if len(bases) == 3 and device.cores:
+        return _contract_solid(device, control, shape, degrees, bases)
+    (span, values, inner), degree = bases[0], degrees[0]
+    rows = prod(shape[1:])
+    target = device.empty((rows, inner))
+    rows_of = (control, rows, ROW_BLOCK, shape[0], span, values, degree, inner, target)
+    device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
+    for direction in range(1, len(bases)):
+        source, (span, values, count), degree = target, bases[direction], degrees[direction]
+        outer = prod(shape[direction + 1 :])
+        target = device.empty((outer, count * inner))
+        items = (outer, -(-count // PLANE_BLOCK), inner)
+        arguments = (source, shape[direction], inner, span, values, degree, count, PLANE_BLOCK, target)
+        device.launch("patch.contract", items, *arguments)
+        inner *= count
+    return target, inner
+
+
+def _contract_solid(
+    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+) -> tuple[Buffer, int]:
+    """All passes at once, band by band, so that what is between them never leaves a core's cache."""
+    (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
+    row_bytes = (degrees[2] + 1) * n_channels * counts[0] * device.real.itemsize
+    band = _evenly(counts[1], max(RING_BYTES // row_bytes, 1))
+    n_bands = -(-counts[1] // band)
+    part = _evenly(counts[2], max(counts[2] * n_bands // (ITEMS_PER_CORE * device.cores), 1))
+    items = n_bands * -(-counts[2] // part)
+    packed = (n_u + 2 * MOST_LANES) * MOST_LANES
+    rows = (degrees[1] + max(MOST_LANES // n_channels, 1)) * n_channels * (counts[0] + MOST_LANES)
+    item_size = packed + rows + (degrees[2] + 1) * n_channels * (band * counts[0] + MOST_LANES)
+    scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
+    each = [value for basis, degree in zip(bases, degrees, strict=True) for value in (*basis[:2], degree, basis[2])]
+    arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, item_size, scratch, scratch, target)
+    device.launch("patch.contract_solid", (items, 1, counts[0]), *arguments)
+    return target, prod(counts)
+
+
+def _evenly(total: int, most: int) -> int:
+    """Size of equal shares of a total, at most ``most``."""
+    return -(-total // -(-total // most))
+
+
+def contract_points(
+    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+) -> tuple[Buffer, int]:
+    """Evaluate scattered points; arguments and result as of ``contract_grid``.
+
+    A surface is a solid of one layer and degree 0 in w.
+    """
+    count = bases[0][2]
+    if len(bases) == 2:
+        ones = device.put(np.ones(count)), device.put(np.zeros(count, np.int32))
+        bases, shape, degrees = [*bases, (ones[1], ones[0], count)], (*shape[:2], 1, shape[2]), (*degrees, 0)
+    target = device.empty((shape[3], count))
+    spans, values = [basis[0] for basis in bases], [basis[1] for basis in bases]
+    arguments = (control, shape[3], *shape[:3], *degrees, *spans, *values, count, target)
+    device.launch("patch.evaluate_points", (shape[3], count), *arguments)
+    return target, count
