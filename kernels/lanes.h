@@ -1,6 +1,6 @@
 // Types of every OpenCL kernel, put before each program by the OpenCL device.
 //
-// real   float or double, given as -D real=...
+// real   float or double, given as -D real=..., of REAL_BYTES
 // LANES  elements of the vector type realv: 1 on a GPU, 8 on a CPU, where PoCL does not vectorise across work items by
 //        itself. A kernel written in realv says so with vec_type_hint(realv) and walks the fastest dimension with
 //        FOR_LANES; the device then launches it over fewer work items there.
@@ -24,6 +24,14 @@ inline int run_start(size_t item, int n)
 }
 #endif
 
+// For a kernel whose work item on a CPU is long: a group of its own. PoCL makes a group of many else, keeps what each of
+// them knows in arrays on the stack, and gives a group to one core.
+#if LANES > 1
+#define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
+#else
+#define ALONE
+#endif
+
 // No multiplication and addition are fused, as in Warp on a CPU: both round alike and give the same mesh to the last bit.
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -31,16 +39,25 @@ inline int run_start(size_t item, int n)
 #define JOIN(a, b) JOIN_(a, b)
 #if LANES == 1
 typedef real realv;
-typedef int intv;
+typedef int intv, maskv;
 #define load(p, offset) ((p)[offset])
 #define store_all(v, p, offset) ((p)[offset] = (v))
 #define to_intv(v) ((int)(v))
 #define to_realv(v) ((real)(v))
+#define as_intv(v) as_int(v)
+#define as_realv(v) JOIN(as_, real)(v)
 #else
 typedef JOIN(real, LANES) realv;
 typedef JOIN(int, LANES) intv;
+#if REAL_BYTES == 4 // what comparing two of realv gives
+typedef intv maskv;
+#else
+typedef JOIN(long, LANES) maskv;
+#endif
 #define to_intv(v) JOIN(convert_int, LANES)(v)
 #define to_realv(v) JOIN(JOIN(convert_, real), LANES)(v)
+#define as_intv(v) JOIN(as_int, LANES)(v)
+#define as_realv(v) JOIN(JOIN(as_, real), LANES)(v)
 #define load(p, offset) JOIN(vload, LANES)(0, (p) + (offset))
 #define store_all(v, p, offset) JOIN(vstore, LANES)(v, 0, (p) + (offset))
 #endif
@@ -68,17 +85,32 @@ inline void store_int(intv v, __global int *p, size_t offset, int count)
         p[offset + lane] = parts.lane[lane];
 }
 
+// Bytes from which a result is written past the caches.
+#define LARGE (1 << 24)
+
 // The same for a target far larger than the caches: where the address allows it, past them, which saves reading each
 // line before it is overwritten.
-inline void stream(realv v, __global real *p, size_t offset, int count)
-{
 #if LANES > 1 && defined(__has_builtin)
 #if __has_builtin(__builtin_nontemporal_store)
-    if (count >= LANES && ((size_t)(p + offset) & (sizeof(realv) - 1)) == 0) {
-        __builtin_nontemporal_store(v, (__global realv *)(p + offset));
-        return;
+#define PAST_CACHES(type, v, p, offset, count)                                             \
+    if ((count) >= LANES && ((size_t)((p) + (offset)) & (sizeof(type) - 1)) == 0) {        \
+        __builtin_nontemporal_store(v, (__global type *)((p) + (offset)));                 \
+        return;                                                                            \
     }
 #endif
 #endif
+#ifndef PAST_CACHES
+#define PAST_CACHES(type, v, p, offset, count)
+#endif
+
+inline void stream(realv v, __global real *p, size_t offset, int count)
+{
+    PAST_CACHES(realv, v, p, offset, count)
     store(v, p, offset, count);
+}
+
+inline void stream_int(intv v, __global int *p, size_t offset, int count)
+{
+    PAST_CACHES(intv, v, p, offset, count)
+    store_int(v, p, offset, count);
 }

@@ -13,6 +13,9 @@ import warp as wp
 
 LaneArray = wp.array(dtype=Any)
 
+IntLaneArray = wp.array(dtype=Any)
+"""A LaneArray of int32."""
+
 
 @wp.func
 def inverse_root(squared: Any):

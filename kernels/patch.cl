@@ -6,9 +6,6 @@
 
 #define MAX_DEGREE 5
 
-// Bytes from which a result is written past the caches.
-#define LARGE (1 << 24)
-
 // The sum over the degree + 1 functions of a span, written out for each degree: weights stay in registers then.
 #define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_out] : 0)
 #define SUM_1(term) (w0 * term(0) + w1 * term(1))
@@ -157,12 +154,6 @@ inline void sum_rows(int degree, __global const real *const *rows, __global cons
     else
         FOR_DEGREE(KEPT)
 }
-
-#if LANES > 1 // PoCL would put all work items into one group, which is one core's
-#define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
-#else
-#define ALONE
-#endif
 
 // All axes of a solid on a CPU: control (n_channels, n_w, n_v, n_u) -> target (n_channels, out_w, out_v, out_u).
 //

@@ -91,12 +91,6 @@ inline void add_forces(const realv *x, const realv *h, realv *f, int g, realv la
     f[24 + w] += dot3(xz, yz, zz, c0, c1, c2);
 }
 
-#if LANES > 1 // PoCL keeps the arrays of a whole group on the stack, which does not hold those of its thousands
-#define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
-#else
-#define ALONE
-#endif
-
 // Shares of the nodes' forces; launched over (n_w - 1, n_v - 1, n_u - 1) elements.
 __kernel __attribute__((vec_type_hint(realv)))
 void shares(__global const real *points, __global const real *displacement, int n_u, int n_v, int n_w,

@@ -10,13 +10,15 @@ from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.lanes import LaneArray
+from gpubspline.kernels.lanes import IntLaneArray, LaneArray
 
 
 def kind(argument: Any, real: Any) -> Any:
     """Type of an argument on a GPU, where a lane array holds single lanes."""
     if argument is LaneArray:
         return wp.array(dtype=wp.types.vector(1, real))
+    if argument is IntLaneArray:
+        return wp.array(dtype=wp.types.vector(1, wp.int32))
     if isinstance(argument, wp.array):
         return wp.array(dtype=real) if argument.dtype is Any else argument
     return real if argument is Any else argument

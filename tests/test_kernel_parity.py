@@ -13,6 +13,7 @@ import pytest
 import warp as wp
 
 from gpubspline.device.opencl import SIGNATURE
+from gpubspline.kernels.lanes import IntLaneArray
 
 KERNELS = resources.files("gpubspline.kernels")
 FILES = sorted(Path(entry.name).stem for entry in KERNELS.iterdir() if entry.name.endswith(".cl"))
@@ -38,6 +39,8 @@ def warp_kernels(file: str) -> dict[str, Any]:
 
 
 def warp_type(kind: Any) -> str:
+    if kind is IntLaneArray:
+        return "int *"
     if isinstance(kind, wp.array):
         return warp_type(kind.dtype) + " *"
     return {"int32": "int"}.get(getattr(kind, "__name__", ""), "real")

@@ -51,6 +51,39 @@ def test_eqs_3_6_and_3_7_float64(device64: Device) -> None:
     check_against_formulas(device64, 1e-13)
 
 
+def test_backends_give_the_same_bits(both_devices: tuple[Device, ...]) -> None:
+    hu = np.random.default_rng(8).uniform(-1200, 3200, 100_003)
+    for given, policy in ((PAPER, "clamp"), (GAPPED, "clamp"), (GAPPED, "floor")):
+        one, other = (map_material(hu, given, policy=policy, device=device) for device in both_devices)
+        for name in ("density_g_cm3", "modulus_mpa", "poisson", "piece"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.mark.parametrize("exponent", [0.01, 0.5, 1.0, 1.64, 3.09, 10.0])
+def test_powers_of_density(exponent: float, device: Device) -> None:
+    """Densities of 1e-5 to 1,000 g/cm3, far beyond any tissue."""
+    direct = Law("power", "E = rho^e", DensityRelation("ash", 1.0), (Piece(1e-5, 1000.0, 1.0, exponent),))
+    rho = np.concatenate([np.geomspace(1e-5, 1000, 1001), 1 + np.linspace(-1e-3, 1e-3, 101)]).astype(np.float32)
+    rho = rho.clip(np.float32(1e-5), 1000)
+    expected = rho.astype(float) ** exponent
+    found = map_material(rho, direct, device=device).modulus_mpa
+    kept = expected > 1e-37
+    np.testing.assert_allclose(found[kept], expected[kept], rtol=1.5e-6 * max(exponent, 1))
+    assert np.all(found[~kept] < 1e-37)
+
+
+def test_no_density_has_no_modulus(device: Device) -> None:
+    law = Law("offset", "E = rho^2 + 5", DensityRelation("ash", 1.0, 0.5), (Piece(-1.0, 1.0, 1.0, 2.0, 5.0),))
+    material = map_material(np.array([-1.0, -0.5, 0.5]), law, device=device)
+    np.testing.assert_allclose(material.modulus_mpa, [5.0, 5.0, 6.0], rtol=1e-6)
+
+
+def test_hu_that_is_no_number_is_out_of_range(device: Device) -> None:
+    for policy in ("clamp", "floor"):
+        material = map_material(np.array([np.nan, -np.inf, np.inf, 300.0]), GAPPED, policy=policy, device=device)
+        assert material.out_of_range == 3 and np.isfinite(material.modulus_mpa).all()
+
+
 def test_edges_of_ranges(device64: Device) -> None:
     below = np.nextafter(350.0, 0.0)
     hu = np.array([100.0, 349.0, 349.5, below, 350.0, 2000.0])

@@ -116,17 +116,17 @@ class OpenCLDevice:
             return
         if in_lanes and self._is_cpu:
             shape[0] = -(-shape[0] // (CPU_LANES * CPU_RUN))
-        group = self._fixed_group(function)
+        group = self._fixed_group(function, len(shape))
         if not self._is_cpu:
             shape[0] = -(-shape[0] // GPU_GROUP) * GPU_GROUP
             group = (GPU_GROUP,) + (1,) * (len(shape) - 1)
         function(self._queue, tuple(shape), group, *(self._argument(value) for value in args))
 
-    def _fixed_group(self, function: Any) -> tuple[int, ...] | None:
+    def _fixed_group(self, function: Any, dimensions: int) -> tuple[int, ...] | None:
         """Work items a group that the kernel asks for with reqd_work_group_size, which PoCL 3.0 wants to be told."""
         asked = self._opencl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE
         group = function.get_work_group_info(asked, self._context.devices[0])
-        return tuple(group) if all(group) else None
+        return tuple(group[:dimensions]) if all(group) else None
 
     def _argument(self, value: Any) -> Any:
         if isinstance(value, OpenCLBuffer):
@@ -151,7 +151,7 @@ class OpenCLDevice:
     def _options(self) -> list[str]:
         type_name = "double" if self.real == np.float64 else "float"
         single = [] if self.real == np.float64 else ["-cl-single-precision-constant"]
-        return [f"-Dreal={type_name}", f"-DLANES={self._lanes}", *single]
+        return [f"-Dreal={type_name}", f"-DREAL_BYTES={self.real.itemsize}", f"-DLANES={self._lanes}", *single]
 
     def wait(self) -> None:
         """Return when everything launched has finished."""

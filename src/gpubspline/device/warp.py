@@ -63,7 +63,8 @@ class WarpDevice:
         self.on_build: Callable[[str], None] = quietly
         self._real = warp.float64 if real == np.float64 else warp.float32
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        self._lane_array = importlib.import_module("gpubspline.kernels.lanes").LaneArray
+        lanes = importlib.import_module("gpubspline.kernels.lanes")
+        self._lane_arrays = (lanes.LaneArray, lanes.IntLaneArray)
         self._compiled: set[Any] = set()
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
         self.cores = self._threads if self._device.is_cpu else 0
@@ -133,18 +134,16 @@ class WarpDevice:
 
     def _in_lanes(self, function: Any, inputs: list[Any], lanes: int) -> list[Any]:
         """See each lane array as overlapping vectors, one from every element on."""
-        vector = self._warp.types.vector(lanes, self._real)
         seen = list(inputs)
         for position, argument in enumerate(function.adj.args[: len(inputs)]):
-            if argument.type is self._lane_array:
+            if any(argument.type is kind for kind in self._lane_arrays):
                 flat = inputs[position]
                 count = max(flat.size - lanes + 1, 0)
-                step = (self.real.itemsize,)
                 seen[position] = self._warp.array(
                     ptr=flat.ptr,
-                    dtype=vector,
+                    dtype=self._warp.types.vector(lanes, flat.dtype),
                     shape=(count,),
-                    strides=step,
+                    strides=flat.strides,
                     device=self._device,
                     capacity=flat.capacity,
                 )
