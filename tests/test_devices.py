@@ -1,5 +1,7 @@
 """Devices: names, errors, and one mesh from both backends."""
 
+import gc
+import importlib
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
@@ -15,7 +17,7 @@ from gpubspline.ct.region import Region
 from gpubspline.device import BACKENDS, Device, list_devices, open_device
 from gpubspline.device.vectors import products
 from gpubspline.errors import BackendUnavailable, InputError
-from gpubspline.material.mapping import apply_material
+from gpubspline.material.mapping import apply_material, law_on_device
 from gpubspline.material.registry import law
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.quality import assess, scaled_jacobian
@@ -151,3 +153,19 @@ def test_opencl_drives_a_gpu_as_it_does_a_cpu(both_devices: tuple[Device, ...]) 
         made.append((mesh.points, mesh.fields["E_MPa"], quality.counts, explicit, distances(mesh, grid, device)[0]))
     for one, other in zip(*made, strict=True):
         assert np.allclose(one, other, rtol=1e-5, atol=1e-5)
+
+
+def test_opencl_finishes_before_it_is_let_go() -> None:
+    """A process that ends while kernels run crashes in them: at Ctrl-C, say."""
+    opencl = pytest.importorskip("pyopencl")
+    device = importlib.import_module("gpubspline.device.opencl").open_device("", np.dtype(np.float32))  # no shared one
+    there, n = law_on_device(law(), device), 1 << 21
+    arguments = (device.put(np.zeros(n)), n, *(device.empty(n) for _ in range(3)), device.empty(n, np.int32))
+    for _ in range(30):
+        there.launch(*arguments)
+    last = opencl.enqueue_marker(device._queue)
+    done = opencl.command_execution_status.COMPLETE
+    assert last.command_execution_status != done
+    del device, there, arguments
+    gc.collect()
+    assert last.command_execution_status == done

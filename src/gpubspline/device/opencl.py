@@ -1,6 +1,7 @@
 """The OpenCL backend: GPUs, and CPUs through PoCL."""
 
 import re
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -64,6 +65,8 @@ class OpenCLDevice:
             name_processor(device)
         self._context = opencl.Context([device])
         self._queue = opencl.CommandQueue(self._context)
+        # a process that ends, interrupted perhaps, while PoCL's threads still run a kernel crashes in them
+        weakref.finalize(self, self._queue.finish)
         self._kernels: dict[str, tuple[Any, bool]] = {}
 
     def put(self, array: Any) -> OpenCLBuffer:
