@@ -42,6 +42,25 @@ def test_names_are_letters_digits_and_underscores_and_differ(femur):
     assert [(name, len(members)) for name, members in found.items()] == [("a_b", 3), ("A_B_2", 4), ("set_2nd", 5)]
 
 
+@pytest.mark.parametrize(
+    "name", ["u1", "w1", "W1", "my load!", "a region of a name that no solver would take as long as it is"]
+)
+@pytest.mark.parametrize("form", ["abaqus", "nastran", "ansys", "lsdyna"])
+def test_a_pressure_is_on_the_faces_of_its_region_whatever_its_name(femur, name, form, tmp_path):
+    """Also where the mesh has another side of that name, but for the case of letters perhaps."""
+    text = f'[regions."{name}"]\nside = "u1"\n[[fixed]]\nregion = "w0"\n'
+    case = read_load_case(text + f'[[pressure]]\nregion = "{name}"\npressure_mpa = 0.5\n', "case")
+    found = deck(femur, form, load=case)
+    ((surface, pressure),) = found.loads.pressures
+    assert pressure == 0.5 and not found.loads.forces.any()
+    np.testing.assert_array_equal(found.surfaces[surface].nodes, found.surfaces["u1"].nodes)
+    assert len({known.lower() for known in found.surfaces}) == len(found.surfaces)
+    assert name == "u1" or len(found.surfaces["w1"].elements) != len(found.surfaces["u1"].elements)
+    assert (surface == "u1") == (name == "u1")
+    write(femur, tmp_path / "a.dat", format=form, load=case)
+    assert surface.lower() in (tmp_path / "a.dat").read_text().lower()
+
+
 def test_cards_and_nodal_forces_are_the_load_case(femur, all_loads):
     """Forces and the pressure on parts of faces are nodal; pressure on whole faces and gravity are cards as well."""
     loads, whole = deck(femur, load=all_loads).loads, assemble(all_loads, femur)

@@ -6,7 +6,7 @@ loads                                      supports, nodal forces, pressures, gr
 """
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from gpubspline.export.deck_loads import DeckLoads, Faces, Placed, outer_faces, 
 from gpubspline.export.formats import Format
 from gpubspline.export.modulus_bins import ModulusBins, modulus_bins
 from gpubspline.export.modulus_table import modulus_table
-from gpubspline.export.names import named
+from gpubspline.export.names import joined, named
 from gpubspline.export.units import Units
 from gpubspline.material.laws import Law
 from gpubspline.material.orthotropy import MODULI, is_orthotropic
@@ -179,19 +179,20 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     placed = Placed(None, {}, {}) if wanted.load is None else place_loads(wanted.load, mesh)
     wants_faces = form.binned or mesh.structure is not None or wanted.load is not None  # else they cost a search
     faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets and wants_faces else {}
-    node_sets = named(mesh.node_sets, placed.node_sets, form.longest_name)
+    node_sets, _ = joined(mesh.node_sets, placed.node_sets, _same_nodes, form.longest_name)
+    surfaces, called = joined(faces, placed.surfaces, _same_faces, form.longest_name)
     renamed = replace(mesh, node_sets=node_sets, element_sets=named(mesh.element_sets, {}, form.longest_name))
     means = _material(mesh, form, wanted)
     return Deck(
         mesh=_in_units(renamed, wanted.units),
         units=wanted.units,
-        surfaces=named(faces, placed.surfaces, form.longest_name),
+        surfaces=surfaces,
         sections=means.sections,
         table=means.table,
         nodal=means.nodal,
         elemental=means.elemental,
         axes=means.axes,
-        loads=None if placed.loads is None else _loads_in_units(placed.loads, wanted.units),
+        loads=None if placed.loads is None else _loads_in_units(placed.loads, called, wanted.units),
         comments=tuple(_comments(wanted, means.words, placed.loads)),
         figures={"format": form.name, "units": wanted.units.name, "modulus": means.figures}
         | _load_figures(placed.loads),
@@ -347,11 +348,20 @@ def _in_units(mesh: Mesh, units: Units) -> Mesh:
     return replace(mesh, points=points, fields=units.fields(mesh.fields), cell_fields=units.fields(mesh.cell_fields))
 
 
-def _loads_in_units(loads: DeckLoads, units: Units) -> DeckLoads:
+def _same_nodes(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    return np.array_equal(np.unique(one), np.unique(other))
+
+
+def _same_faces(one: Faces, other: Faces) -> bool:
+    return np.array_equal(one.elements, other.elements) and np.array_equal(one.sides, other.sides)
+
+
+def _loads_in_units(loads: DeckLoads, called: Mapping[str, str], units: Units) -> DeckLoads:
+    """Loads in the deck's units, on surfaces by their names there."""
     return replace(
         loads,
         prescribed=loads.prescribed * units.per_mm,
-        pressures=tuple((surface, pressure * units.per_mpa) for surface, pressure in loads.pressures),
+        pressures=tuple((called[surface], pressure * units.per_mpa) for surface, pressure in loads.pressures),
         gravity=None if loads.gravity is None else loads.gravity * units.per_mm,
     )
 

@@ -1,7 +1,7 @@
 """Names of sets and surfaces that a format takes: letters, digits, underscores, and no longer than it holds."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
 Kept = TypeVar("Kept")
@@ -13,13 +13,27 @@ def named(own: Mapping[str, Kept], added: Mapping[str, Kept], longest: int | Non
     Arguments
     ---------
     own: what is named already.
-    added: what joins it; one that is called by the name of one of ``own`` is that one.
+    added: what joins it; one that is called as one of ``own`` gets another name.
     longest: characters of a name, None for any number; what is longer is cut.
     """
     taken: dict[str, Kept] = {}
-    for name, kept in (*own.items(), *((name, kept) for name, kept in added.items() if name not in own)):
+    for name, kept in (*own.items(), *added.items()):
         taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), taken, longest)] = kept
     return taken
+
+
+def joined(
+    own: Mapping[str, Kept], added: Mapping[str, Kept], same: Callable[[Kept, Kept], bool], longest: int | None = None
+) -> tuple[dict[str, Kept], dict[str, str]]:
+    """Both as of ``named``, and by which name each of ``added`` is found there.
+
+    One that is called as one of ``own`` and is the ``same`` is that one; a region of a load case may be another than
+    the side of the mesh of its name.
+    """
+    fresh = {name: kept for name, kept in added.items() if name not in own or not same(own[name], kept)}
+    both = named(own, fresh, longest)
+    names = {id(kept): name for name, kept in both.items()}
+    return both, {name: names[id(fresh[name] if name in fresh else own[name])] for name in added}
 
 
 def _free(name: str, taken: Iterable[str], longest: int | None) -> str:
