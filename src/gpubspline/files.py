@@ -1,12 +1,20 @@
-"""Output files that appear whole or not at all."""
+"""Output files that appear whole or not at all; and what stands for the name of a file, which may be a patient's."""
 
 import os
+import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from gpubspline.errors import InputError
+
+ENDINGS = re.compile(
+    r"(\.nii\.gz|\.(nii|nrrd|nhdr|mha|mhd|npy|npz|dcm|json|toml|csv|html|png|inp|feb|bdf|cdb|rad|k|msh|xdmf|vtk|vtu|vts"
+    r"|vtkhdf|vtp|exo|med|stl|obj|ply|off))$",
+    re.IGNORECASE,
+)
+"""Endings of file names that say what a file is."""
 
 
 def check_writable(path: Path) -> None:
@@ -62,3 +70,16 @@ def whole_file(path: Path) -> Iterator[Path]:
 def _followed(path: Path) -> Path:
     """Where a link leads to; what is no link itself."""
     return path.resolve() if path.is_symlink() else path
+
+
+def kind(path: str | Path) -> str:
+    """What stands for a file or a folder where its name must not be told: ``FILE.nii.gz``, ``FILE`` or ``DIR``."""
+    ending = ENDINGS.search(str(path))
+    return "FILE" + ending.group(0).lower() if ending else "DIR" if Path(path).is_dir() else "FILE"
+
+
+def without_names(text: str, names: Mapping[str, str]) -> str:
+    """Put words in the place of names in a text, the longest first, where they stand as whole words."""
+    for name, word in sorted(names.items(), key=lambda each: -len(each[0])):
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", word, text)
+    return text

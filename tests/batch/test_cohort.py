@@ -5,6 +5,7 @@ import re
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,19 @@ def test_records_come_as_they_are_made(cohort: Cohort, tmp_path: Path, scheduler
     assert lengths == [1, 2, 3]
 
 
+@pytest.mark.parametrize("header", ["ElementDataFile = {}\n", "ElementDataFile = {}\r\n"])
+def test_fingerprint_of_a_header_is_of_its_samples_too(tmp_path: Path, header: str) -> None:
+    path, samples = tmp_path / "scan [1].mhd", tmp_path / "other.raw"
+    path.write_bytes(header.format("other.raw").encode())
+    samples.write_text("a")
+    subject = Subject("s", 2, (path,), {}, (path,))
+    first = fingerprint(subject, {})
+    samples.write_text("b")
+    second = fingerprint(subject, {})
+    path.write_bytes(b"NDims = 3\n" + path.read_bytes())
+    assert len({first, second, fingerprint(subject, {})}) == 3
+
+
 def test_work_that_was_done_but_not_told_is_not_done_again(cohort: Cohort, tmp_path: Path) -> None:
     """A worker may die between the end of the work and its answer: dask then gives the subject to another."""
     runs: list[str] = []
@@ -178,6 +192,28 @@ def test_of_a_failure_nothing_is_kept(cohort: Cohort, tmp_path: Path) -> None:
     assert [path.name for path in (out / "a").iterdir()] == ["record.json"]
     assert find_valid(out / "a", order.fingerprint) is None and read_record(out / "a") is not None
     assert "MemoryError" in (out / "logs" / "a.txt").read_text()
+
+
+def test_names_of_files_stay_in_the_log(cohort: Cohort, tmp_path: Path) -> None:
+    """A file's name may be its patient's; the record, the table and the page are passed on."""
+    from gpubspline.errors import GpubsplineWarning, InputError
+
+    def task(subject: Subject, folder: Path, device: str) -> dict[str, Any]:
+        warnings.warn("left out 1 of 12 slices beside DOE^JANE.0001.dcm", GpubsplineWarning, stacklevel=1)
+        raise InputError(f"cannot read Doe, Jane.nii.gz and {subject.inputs[1]} of 12")
+
+    series, image, out = tmp_path / "Doe", tmp_path / "Doe, Jane.nii.gz", tmp_path / "out"
+    for folder in (series, out):
+        folder.mkdir()
+    for path in (image, series / "DOE^JANE.0001.dcm", series / "12"):
+        path.write_text("")
+    subject = Subject("a", 2, (image, series), {}, (image, series))
+    record = attempt(Order(subject, "print", out), task, "auto", "worker")
+    assert record.error == "cannot read FILE.nii.gz and DIR of 12"
+    assert record.warnings == ("left out 1 of 12 slices beside FILE.dcm",)
+    assert "Doe" not in (out / "a" / "record.json").read_text()
+    log = (out / "logs" / "a.txt").read_text()
+    assert "Doe, Jane.nii.gz" in log and "DOE^JANE.0001.dcm" in log and str(series) in log
 
 
 def test_fingerprint_is_of_content(cohort: Cohort, tmp_path: Path) -> None:

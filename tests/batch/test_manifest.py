@@ -59,6 +59,8 @@ def test_cells_become_options(folder: Path) -> None:
         ("subject,input,law\na,a.npy,c.toml\n", r"existing file for a.*c\.toml"),
         ("subject,input\na,\n", "an input for a"),
         ("subject,input\n../a,a.npy\n", r"name of letters.*'\.\./a'"),
+        ("subject,input\nLogs,a.npy\n", "another name than 'Logs' in line 2 of m.csv"),
+        ("subject,input\ncohort.csv,a.npy\n", "another name than 'cohort.csv'"),
         ("subject,input\na,a.npy\nA,b.npy\n", "name of its own.*lines 2 and 3"),
         ("subject,input\na,a.npy,7,8\n", "expected 2 cells in line 2.*quotes"),
         ("subject,input,allow-gaps\na,a.npy,maybe\n", "yes or no for allow-gaps of a"),

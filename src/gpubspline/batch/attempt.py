@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gpubspline.batch.manifest import Subject
+from gpubspline.batch.manifest import LOGS, Subject
 from gpubspline.batch.record import FILE, Record, find_valid, write_record
 from gpubspline.errors import BackendUnavailable, GpubsplineError, GpubsplineWarning
+from gpubspline.files import kind, without_names
 
 Task = Callable[[Subject, Path, str], dict[str, Any]]
 """Makes the model of a subject in a folder on a device, and gives its figures: a function that can be pickled."""
 
-LOGS, STARTED = "logs", "started by"
+STARTED = "started by"
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class Order:
 def attempt(order: Order, task: Task, device: str, worker: str) -> Record:
     """Make the model of a subject, unless it is there: a worker may die after the work and before it told of it.
 
-    Whatever goes wrong with the subject is in the record.
+    Whatever goes wrong with the subject is in the record, without the names of its files, which may be a patient's: the
+    log has them.
     """
     subject, folder = order.subject, order.folder / order.subject.name
     found = find_valid(folder, order.fingerprint, order.retry)
@@ -59,13 +61,15 @@ def attempt(order: Order, task: Task, device: str, worker: str) -> Record:
     told = tuple(dict.fromkeys(_one_line(str(w.message)) for w in caught))
     files = tuple(sorted(path.name for path in partial.iterdir() if path.is_file()))
     seconds = time.perf_counter() - start
-    made |= {"warnings": told, "files": files, "device": device, "worker": worker, "seconds": seconds}
+    error = made.get("error", "")
+    kept = {"error": _nameless(error, subject), "warnings": tuple(_nameless(text, subject) for text in told)}
+    made |= {**kept, "files": files, "device": device, "worker": worker, "seconds": seconds}
     record = Record(subject.name, order.fingerprint, **made)
     write_record(record, partial)
     _replace(folder, partial)
     for text in told:
         _note(log, f"warning: {text}")
-    _note(log, f"failed after {seconds:.1f} s: {record.error}" if record.failed else f"finished in {seconds:.1f} s")
+    _note(log, f"failed after {seconds:.1f} s: {error}" if record.failed else f"finished in {seconds:.1f} s")
     return record
 
 
@@ -88,6 +92,14 @@ def describe(error: BaseException) -> str:
         return "not enough memory: ask for fewer nodes or fewer workers"
     text = _one_line(str(error))
     return text if isinstance(error, GpubsplineError) and text else f"{type(error).__name__}: {text}"
+
+
+def _nameless(text: str, subject: Subject) -> str:
+    """Without the paths of a subject's files and the names of those in its folders, but for mere numbers."""
+    files = [each for path in subject.files for each in (path.rglob("*") if path.is_dir() else [path])]
+    said = [path for path in files if path.name in text and len(path.name) > 2 and any(map(str.isalpha, path.name))]
+    names = {str(path): kind(path) for path in subject.files} | {path.name: kind(path) for path in said}
+    return without_names(text, names)
 
 
 def _one_line(text: str) -> str:

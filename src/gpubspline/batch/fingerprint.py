@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -10,6 +11,7 @@ from gpubspline.batch.manifest import Subject
 from gpubspline.errors import InputError
 
 _CHUNK = 1 << 20
+_HEADER = 1 << 16
 
 
 def fingerprint(subject: Subject, settings: Mapping[str, str]) -> str:
@@ -51,6 +53,12 @@ def _files(path: Path) -> Iterator[Path]:
     if path.is_dir():
         yield from sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith("."))
     elif path.suffix.lower() in (".mhd", ".nhdr"):
-        yield from sorted(file for file in path.parent.glob(f"{path.stem}.*") if file.is_file())
+        samples = re.search(r"^(ElementDataFile *=|data file *:) *(.+?) *\r?$", _header(path), re.MULTILINE)
+        yield from [path, *([path.parent / samples[2]] if samples and (path.parent / samples[2]).is_file() else [])]
     else:
         yield path
+
+
+def _header(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(_HEADER).decode("latin-1")

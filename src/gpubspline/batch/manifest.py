@@ -19,6 +19,10 @@ from gpubspline.errors import InputError
 
 SUBJECT, INPUT = "subject", "input"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+LOGS, TABLE, PAGE = "logs", "cohort.csv", "cohort.html"
+"""Names in a cohort's folder beside those of its subjects."""
+
+RESERVED = (LOGS, TABLE, PAGE)
 _YES, _NO = ("yes", "true", "1", "x"), ("no", "false", "0")
 
 
@@ -106,6 +110,8 @@ def _subject(line: int, cells: list[str], header: list[str], columns: Mapping[st
     name = row.pop(SUBJECT, "")
     if not _NAME.fullmatch(name):
         raise InputError(f"expected a subject's name of letters, digits and _ . + - in {where}, got {name!r}")
+    if name.lower() in RESERVED:
+        raise InputError(f"expected another name than {name!r} in {where}, which the cohort's own files have")
     where = f"{name}, {where}"
     inputs = tuple(_existing(part, path, where) for part in row.pop(INPUT, "").split(";") if part.strip())
     if not inputs:

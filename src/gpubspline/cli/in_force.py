@@ -8,14 +8,8 @@ from typing import Any
 
 import typer
 
+from gpubspline.files import ENDINGS, kind, without_names
 from gpubspline.report.page import Setting
-
-ENDINGS = re.compile(
-    r"(\.nii\.gz|\.(nii|nrrd|nhdr|mha|mhd|npy|npz|dcm|json|toml|csv|html|png|inp|feb|bdf|cdb|rad|k|msh|xdmf|vtk|vtu|vts"
-    r"|vtkhdf|vtp|stl|obj|ply|off))$",
-    re.IGNORECASE,
-)
-"""Endings of file names that say what a file is."""
 
 HIDDEN = {"series": "SERIES"}
 """Options whose value identifies a patient, and what stands for it."""
@@ -63,11 +57,9 @@ def without_paths(told: Any, context: typer.Context, folders: bool = True) -> An
     if not isinstance(told, str):
         return told
     paths = [Path(each) for value in context.params.values() for each in _each(value) if _is_path(each)]
-    names = {(name, _file(path)) for path in paths for name in (str(path), str(path.absolute()), path.name)}
-    names = {(name, kind) for name, kind in names if name and (folders or ENDINGS.search(name) or os.sep in name)}
-    for name, kind in sorted(names, key=lambda each: -len(each[0])):
-        told = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", kind, told)
-    return told
+    names = {(name, kind(path)) for path in paths for name in (str(path), str(path.absolute()), path.name)}
+    names = {(name, word) for name, word in names if name and (folders or ENDINGS.search(name) or os.sep in name)}
+    return without_names(told, dict(names))
 
 
 def _is_path(value: Any) -> bool:
@@ -81,7 +73,7 @@ def _given(context: typer.Context, name: str | None) -> bool:
 
 def _argument(name: str, value: Any) -> str:
     inputs = [each for each in _each(value) if _is_path(each)]
-    return " ".join(["INPUT" if name == "source" else _file(each) for each in inputs] or map(str, _each(value)))
+    return " ".join(["INPUT" if name == "source" else kind(each) for each in inputs] or map(str, _each(value)))
 
 
 def _told(parameter: Any, value: Any) -> str:
@@ -89,12 +81,7 @@ def _told(parameter: Any, value: Any) -> str:
         return HIDDEN[parameter.name]
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return _file(value) if _is_path(value) else str(value)
-
-
-def _file(path: Any) -> str:
-    ending = ENDINGS.search(str(path))
-    return "FILE" + ending.group(0).lower() if ending else "DIR" if Path(path).is_dir() else "FILE"
+    return kind(value) if _is_path(value) else str(value)
 
 
 def _each(value: Any) -> Iterable[Any]:

@@ -95,10 +95,11 @@ def _devices(run: RunOptions) -> tuple[str, ...]:
 
 
 def _write(records: Sequence[Any], total: int, folder: Path) -> list[Path]:
+    from gpubspline.batch.manifest import PAGE, TABLE
     from gpubspline.batch.page import write_page
     from gpubspline.batch.table import write_table
 
-    table, page = folder / "cohort.csv", folder / "cohort.html"
+    table, page = folder / TABLE, folder / PAGE
     write_table(records, table)
     write_page(records, total, page)
     return [table, page]
