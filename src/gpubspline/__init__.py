@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from gpubspline.material.registry import laws as laws
     from gpubspline.mesh.blocks.mesher import Blocks as Blocks
     from gpubspline.mesh.blocks.mesher import blocks_mesh as blocks_mesh
+    from gpubspline.mesh.blocks.refine import refine as refine
     from gpubspline.mesh.butterfly.patches import butterfly as butterfly
     from gpubspline.mesh.butterfly.sample import sample_butterfly as sample_butterfly
     from gpubspline.mesh.distance import surface_distance as surface_distance
@@ -99,6 +100,7 @@ _HOME = {
     "material.mapping": ("apply_material",),
     "material.registry": ("law", "laws"),
     "mesh.blocks.mesher": ("Blocks", "blocks_mesh"),
+    "mesh.blocks.refine": ("refine",),
     "mesh.butterfly.patches": ("butterfly",),
     "mesh.butterfly.sample": ("sample_butterfly",),
     "mesh.distance": ("surface_distance",),

@@ -49,7 +49,7 @@ def ball() -> Mesh:
     return Mesh(points, "hex8", connectivity=np.array(hexes), element_sets={"core": core})
 
 
-def on_sphere(points: np.ndarray) -> np.ndarray:
+def on_sphere(points: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
     return points * (RADIUS / np.linalg.norm(points, axis=1))[:, None]
 
 
@@ -79,7 +79,7 @@ def test_blocks_of_straight_hexes_are_those_hexes(degree: int, element_type: str
     points, hexes = grid((3, 3, 4))
     points += rng.uniform(-0.15, 0.15, points.shape)
     mesh = Mesh(points, "hex8", connectivity=turned(hexes, rng))
-    blocks = bezier_blocks(mesh, lambda at: at, degree)
+    blocks = bezier_blocks(mesh, lambda at, normals: at, degree)
     fine = blocks.sample(3, element_type)
     assert fine.n_elements == 27 * mesh.n_elements
     assert fine.volume_mm3 == pytest.approx(mesh.volume_mm3, rel=1e-12)

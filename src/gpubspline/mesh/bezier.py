@@ -18,13 +18,15 @@ from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.shared_lattice import FACES, SharedLattice
 
 Floats = NDArray[np.float64]
-Project = Callable[[Floats], Floats]
-"""Moves points (n, 3), mm, near a surface onto it."""
+Project = Callable[[Floats, Floats], Floats]
+"""Moves points (n, 3), mm, near a surface onto it; with the outward normals (n, 3) of the hexes there."""
+
+Put = Callable[[Floats, NDArray[np.int64], Floats], None]
 
 MAX_DEGREE = 3
 
-EASINGS = 5
-"""Most rounds in which the way of outer points to the surface is halved; below a tenth it is none."""
+EASINGS = 6
+"""Most rounds in which the way of outer points to the surface is halved; in the last it is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ class BezierBlocks:
         Arguments
         ---------
         element_type: ``"hex8"``, ``"hex20"`` or ``"hex27"``; midway nodes lie on the blocks.
-        project: puts the nodes of the surface onto it, where the blocks only come near; None leaves them.
+        project: puts the nodes of the surface onto it, where the blocks only come near; None leaves them on the blocks.
 
         Returns
         -------
@@ -71,7 +73,8 @@ class BezierBlocks:
         points = np.empty((fine.starts[-1], 3))
         points[fine.numbers] = _along_axes(at, self.control[self.lattice.numbers])
         if project is not None:
-            points[fine.on_boundary] = project(points[fine.on_boundary])
+            normals = outer_normals(fine, self.control[: fine.n_corners])
+            points[fine.on_boundary] = project(points[fine.on_boundary], normals[fine.on_boundary])
         cells = np.stack([_of_vertex(fine.numbers, vertex, element.order) for vertex in element.vertices], axis=-1)
         used, renumbered = np.unique(cells, return_inverse=True)
         sets = {name: _children(blocks, density**3) for name, blocks in self.element_sets.items()}
@@ -112,15 +115,61 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 
         raise InputError(f"expected hex8 and a degree of 1 to {MAX_DEGREE}, got {mesh.element_type} and {degree}")
     lattice = SharedLattice(mesh.cells.astype(np.int64), mesh.n_nodes, degree)
     corners = mesh.points.astype(np.float64)
+    normals = outer_normals(lattice, corners)
+
+    def put(points: Floats, numbers: NDArray[np.int64], share: Floats) -> None:
+        if numbers.size:
+            way = project(points[numbers], normals[numbers]) - points[numbers]
+            points[numbers] += share[numbers, None] * way
+
     share = np.ones(lattice.starts[-1])
-    for _ in range(EASINGS):
-        control = _control(lattice, _through(lattice, corners, project, share))
-        folded = _least_jacobian(lattice, control) <= floor
-        if not (folded & (share[lattice.numbers].max(axis=(1, 2, 3)) > 0)).any():
+    curved = np.asarray(lattice.on_boundary[lattice.numbers].any(axis=(1, 2, 3)))
+    changed = curved
+    folded = np.zeros(len(curved), dtype=bool)
+    for left in reversed(range(EASINGS)):
+        control = _control(lattice, _through(lattice, corners, put, share))
+        folded[changed] = _least_jacobian(control[lattice.numbers[changed]], degree) <= floor
+        eased = np.zeros(len(share), dtype=bool)
+        eased[lattice.numbers[folded]] = True
+        if not left or not share[eased].any():
             break
-        share[lattice.numbers[folded]] *= 0.5
-        share[share < 0.1] = 0.0
+        share[eased] *= 0.5 if left > 1 else 0.0
+        changed = curved & eased[lattice.numbers].any(axis=(1, 2, 3))
     return BezierBlocks(lattice, control, dict(mesh.element_sets))
+
+
+def outer_normals(lattice: SharedLattice, corners: Floats) -> Floats:
+    """Outward unit normals (n, 3) of straight hexes at the lattice points of their outer faces, 0 at all others."""
+    d, faces = lattice.degree, [_outer_corners(lattice, axis, side) for axis, side in FACES]
+    at_corners = np.zeros((lattice.n_corners, 3))
+    for (axis, side), quads in zip(FACES, faces, strict=True):
+        outward = (1, -1, 1)[axis] * (1 if side else -1)  # u x w looks against v
+        diagonals = corners[quads[:, 1, 1]] - corners[quads[:, 0, 0]], corners[quads[:, 0, 1]] - corners[quads[:, 1, 0]]
+        np.add.at(at_corners, quads, (outward * np.cross(*diagonals))[:, None, None])
+    at_corners = _unit(at_corners)
+    normals = np.zeros((lattice.starts[-1], 3))
+    along = np.stack([1 - np.linspace(0, 1, d + 1), np.linspace(0, 1, d + 1)], axis=1)
+    for (axis, side), quads in zip(FACES, faces, strict=True):
+        numbers = np.take(lattice.numbers, side * d, axis=1 + axis)[_is_outer(lattice, axis, side)]
+        normals[numbers] = np.einsum("ai,bj,fijx->fabx", along, along, at_corners[quads])
+    return _unit(normals)
+
+
+def _is_outer(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.bool_]:
+    """(m,) whether a hex's face is its own alone."""
+    count, number = lattice.faces
+    return np.asarray(count[number[:, FACES.index((axis, side))]] == 1)
+
+
+def _outer_corners(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.int64]:
+    """(f, 2, 2) corners of the outer faces on one side, along the other two axes in turn."""
+    ends = lattice.numbers[:, :: lattice.degree, :: lattice.degree, :: lattice.degree]
+    return np.asarray(np.take(ends, side, axis=1 + axis)[_is_outer(lattice, axis, side)])
+
+
+def _unit(vectors: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
 
 def _control(lattice: SharedLattice, through: Floats) -> Floats:
@@ -131,18 +180,17 @@ def _control(lattice: SharedLattice, through: Floats) -> Floats:
     return control
 
 
-def _least_jacobian(lattice: SharedLattice, control: Floats) -> Floats:
-    """(m,) least scaled Jacobian of each block at (2 d + 1)^3 even parameters."""
-    at = np.linspace(0, 1, 2 * lattice.degree + 1)
-    value, slope = _bernstein(lattice.degree, at), _bernstein_slope(lattice.degree, at)
-    blocks = control[lattice.numbers]
+def _least_jacobian(blocks: Floats, degree: int) -> Floats:
+    """(m,) least scaled Jacobian of blocks (m, d + 1, d + 1, d + 1, 3) at (2 d + 1)^3 even parameters."""
+    at = np.linspace(0, 1, 2 * degree + 1)
+    value, slope = _bernstein(degree, at), _bernstein_slope(degree, at)
     tangents = [_tensor([slope if i == axis else value for i in range(3)], blocks) for axis in range(3)]
     lengths = np.prod([np.linalg.norm(tangent, axis=-1) for tangent in tangents], axis=0)
     volume = np.einsum("...x,...x->...", np.cross(tangents[0], tangents[1]), tangents[2])
     return np.asarray((volume / np.maximum(lengths, np.finfo(float).tiny)).min(axis=(1, 2, 3)))
 
 
-def _through(lattice: SharedLattice, corners: Floats, project: Project, share: Floats) -> Floats:
+def _through(lattice: SharedLattice, corners: Floats, put: Put, share: Floats) -> Floats:
     """Points (n, 3) that the blocks pass through at even parameters: of edges, then of faces, then inside.
 
     ``share`` (n,): which part of its way to the surface each outer point goes.
@@ -151,28 +199,23 @@ def _through(lattice: SharedLattice, corners: Floats, project: Project, share: F
     d, outer = lattice.degree, np.flatnonzero(lattice.on_boundary)
     points = np.zeros((count, 3))
     points[:on_edges] = corners
-    _put_on(points, project, outer[outer < on_edges], share)
+    put(points, outer[outer < on_edges], share)
     low, high = points[lattice.edges[0].T]
     part = (np.arange(1, d) / d)[:, None]
     points[on_edges:on_faces] = (low[:, None] * (1 - part) + high[:, None] * part).reshape(-1, 3)
-    _put_on(points, project, outer[(outer >= on_edges) & (outer < on_faces)], share)
+    put(points, outer[(outer >= on_edges) & (outer < on_faces)], share)
     for axis, side in FACES:
         numbers = np.take(lattice.numbers, side * d, axis=1 + axis)
         values = points[numbers]
         one, other = _between_ends(values, 1), _between_ends(values, 2)
         points[numbers[:, 1:d, 1:d]] = (one + other - _between_ends(one, 2))[:, 1:d, 1:d]
-    _put_on(points, project, outer[(outer >= on_faces) & (outer < inside)], share)
+    put(points, outer[(outer >= on_faces) & (outer < inside)], share)
     values = points[lattice.numbers]
     inner = values
     for axis in (1, 2, 3):  # what three differences from the linear blends leave is nothing: the blend of all faces
         inner = inner - _between_ends(inner, axis)
     points[lattice.numbers[:, 1:d, 1:d, 1:d]] = (values - inner)[:, 1:d, 1:d, 1:d]
     return points
-
-
-def _put_on(points: Floats, project: Project, numbers: NDArray[np.int64], share: Floats) -> None:
-    if numbers.size:
-        points[numbers] += share[numbers, None] * (project(points[numbers]) - points[numbers])
 
 
 def _between_ends(values: Floats, axis: int) -> Floats:

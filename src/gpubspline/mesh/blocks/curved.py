@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from gpubspline.device import Device
 from gpubspline.mesh.bezier import BezierBlocks, bezier_blocks
@@ -16,6 +17,10 @@ Floats = NDArray[np.float64]
 MOST_BEND = 0.02
 """Largest correction of a sample, in elements: a kink bends more, and is no curvature."""
 
+FAR = 1.0
+"""How far, in elements, the surface is looked for."""
+
+_STEPS, _BISECTIONS = 8, 4
 _SLIDES = 3
 """Times that a point takes the Newton steps of the kernel: enough from a chord's middle."""
 
@@ -28,16 +33,17 @@ def curve(made: Blocks, *, degree: int = 2, floor: float = 0.0, device: Device) 
     degree: 1 to 3.
     floor: least scaled Jacobian inside a block; see ``bezier_blocks``.
     """
-    return bezier_blocks(made.mesh, onto(made.level, device), degree, floor)
+    return bezier_blocks(made.mesh, onto(made.surface(), device), degree, floor)
 
 
-def onto(level: LevelSet, device: Device) -> Callable[[Floats], Floats]:
-    """Projection of points (n, 3), mm, on to the zero level."""
+def onto(level: LevelSet, device: Device) -> Callable[[Floats, Floats], Floats]:
+    """Projection of points (n, 3), mm, on to the zero level: along normals (n, 3), then nearest."""
     back = np.linalg.inv(level.to_mm)
-    held = put_level(_unbiased(level.phi), np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
+    phi = unbiased(level.phi)
+    held = put_level(phi, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
 
-    def project(points: Floats) -> Floats:
-        at = points @ back[:3, :3].T + back[:3, 3]
+    def project(points: Floats, normals: Floats) -> Floats:
+        at = along(phi, points @ back[:3, :3].T + back[:3, 3], normals @ level.axes)
         count = len(at)
         x = device.put(np.ascontiguousarray(at.T))
         slack, levels = device.put(np.zeros(count)), device.put(one_level(count))
@@ -49,7 +55,31 @@ def onto(level: LevelSet, device: Device) -> Callable[[Floats], Floats]:
     return project
 
 
-def _unbiased(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+def along(phi: NDArray[np.float32], at: Floats, normals: Floats) -> Floats:
+    """Go from points (n, 3), lattice coordinates, to the zero level: outward from inside, inward from outside.
+
+    Where the distance has no slope, as midway between two sheets, its gradient leads nowhere. Points that meet no zero
+    within ``FAR`` stay.
+    """
+
+    def value(points: Floats) -> Floats:
+        return np.asarray(map_coordinates(phi, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
+
+    start = value(at)
+    way = normals * -np.sign(start)[:, None]
+    low, high, found = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at), dtype=bool)
+    for step in np.arange(1, _STEPS + 1) * FAR / _STEPS:
+        rest = np.flatnonzero(~found)
+        crossed = rest[value(at[rest] + step * way[rest]) * start[rest] <= 0]
+        low[crossed], high[crossed], found[crossed] = step - FAR / _STEPS, step, True
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        beyond = value(at + middle[:, None] * way) * start <= 0
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray(at + np.where(found, 0.5 * (low + high), 0.0)[:, None] * way)
+
+
+def unbiased(phi: NDArray[np.float32]) -> NDArray[np.float32]:
     """Samples whose trilinear interpolant is right on average: that of a bent field lies a twelfth of its bend off."""
     bend = np.zeros_like(phi)
     for axis in range(3):

@@ -76,6 +76,11 @@ class LevelSet:
         """Samples inside."""
         return self.phi < 0
 
+    @property
+    def axes(self) -> Floats:
+        """Rotation (3, 3), columns are the lattice's axes."""
+        return np.asarray(self.to_mm[:3, :3] / self.size_mm)
+
     def in_mm(self, points: NDArray[Any]) -> Floats:
         """LPS mm (n, 3) of lattice coordinates (n, 3)."""
         return np.asarray(points.astype(np.float64) @ self.to_mm[:3, :3].T + self.to_mm[:3, 3])

@@ -18,6 +18,7 @@ from gpubspline.mesh.blocks.pillow import Owners, pillow
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.start import start
+from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import POOR, Effort, improve
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import movable, put_level
@@ -89,11 +90,16 @@ class BlocksReport:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """A mesh of blocks, the level set that it conforms to, and what is known of it."""
+    """A mesh of blocks, the level set that it conforms to, the cells of its core, and what is known of it."""
 
     mesh: Mesh
     level: LevelSet
+    core: Cells
     report: BlocksReport
+
+    def surface(self) -> LevelSet:
+        """The level set as far as the core reaches it: sheets that it does not reach are left out."""
+        return replace(self.level, phi=within_reach(self.level.phi, self.core))
 
 
 def blocks_mesh(
@@ -197,7 +203,7 @@ def mesh_level_set(
     volumes = np.stack(level_volumes(reached, distances, held))
     on_device = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
     nodes = movable(hexes.cells, hexes.n_nodes, held.slack, on_device, device, levels=held.levels)
-    best = improve(nodes, hexes.colours, start(hexes, nodes), held.slack, effort)
+    best = even_out(nodes, improve(nodes, hexes.colours, start(hexes, nodes), held.slack, effort))
     points = np.array(device.get(best.x)).reshape(3, -1).T
     if not best.least > 0:
         raise MeshError(_inverted(nodes.scaled_jacobian(best.x), points[hexes.cells], level))
@@ -207,7 +213,7 @@ def mesh_level_set(
         min_scaled_jacobian=best.least,
         euler={"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)},
         repaired_cells=flips,
-        off_surface_nodes=_off_surface(points[outer["surface"]], reached, level.size_mm),
+        off_surface_nodes=off_surface(points[outer["surface"]], reached, level.size_mm),
         lost_features=lost_features(level, reached),
         attempts=(),
     )
@@ -218,7 +224,7 @@ def mesh_level_set(
         node_sets=outer,
         element_sets={"body": np.arange(len(hexes.cells), dtype=np.int32), **element_sets(hexes, names)},
     )
-    return Blocks(mesh, level, report)
+    return Blocks(mesh, level, cells > 0, report)
 
 
 def _core(level: LevelSet, parts: list[Field]) -> tuple[Cells | Owners, int]:
@@ -241,7 +247,8 @@ def _core(level: LevelSet, parts: list[Field]) -> tuple[Cells | Owners, int]:
     return cells, flips
 
 
-def _off_surface(points: NDArray[Any], reached: NDArray[np.float32], size_mm: float) -> dict[str, float]:
+def off_surface(points: NDArray[Any], reached: NDArray[Any], size_mm: float) -> dict[str, float]:
+    """How many of the points (n, 3), lattice coordinates, are off the zero level, and how far."""
     off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
     far = off > ON_SURFACE
     return {"count": int(np.count_nonzero(far)), "max_mm": float(off[far].max(initial=0.0)) * size_mm}

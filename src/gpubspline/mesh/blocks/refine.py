@@ -1,0 +1,99 @@
+"""Meshes of blocks made finer: each hex a Bezier solid that is sampled, what comes out poor mended on the surface."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.errors import InputError
+from gpubspline.mesh.blocks.curved import curve, onto, unbiased
+from gpubspline.mesh.blocks.level_set import SAMPLES
+from gpubspline.mesh.blocks.mesher import Blocks, off_surface
+from gpubspline.mesh.even import even_out
+from gpubspline.mesh.improve import Effort, Placed, improve, placed
+from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.movable import FIXED, FREE, Movable, movable, put_level
+from gpubspline.mesh.neighbourhood import edge_lengths, neighbourhood
+
+Floats = NDArray[np.float64]
+
+GIVEN = 0.02
+"""How much less than that of the coarse mesh the worst scaled Jacobian may be."""
+
+RINGS = 4
+"""Rings of fine hexes round poor ones that move too."""
+
+SHORTEST, LONGEST = 0.3, 2.0
+"""Edges are to keep their lengths within these, in those of fine elements."""
+
+
+def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
+    """Divide each hex of a mesh of blocks into ``times`` along each of its directions.
+
+    Nodes of the surface lie on the level set that the coarse mesh follows, and the worst hex is as good as the coarse
+    mesh's but for ``GIVEN``, as far as nodes on that surface allow: poor ones and those round them are improved as the
+    coarse ones were.
+
+    Raises
+    ------
+    InputError where ``times`` is below 1.
+    """
+    if times < 1:
+        raise InputError(f"expected to divide blocks into 1 or more, got {times}")
+    if times == 1:
+        return made
+    surface = made.surface()
+    mesh = curve(made, device=device).sample(times, project=onto(surface, device))
+    sets = _node_sets(mesh, made.mesh)
+    phi = times * unbiased(surface.phi)
+    back = np.linalg.inv(surface.to_mm)
+    points = times * (mesh.points @ back[:3, :3].T + back[:3, 3])
+    level = put_level(phi, np.hstack([np.eye(3) * SAMPLES / times, np.zeros((3, 1))]), device)
+    lengths = np.clip(edge_lengths(points, mesh.cells).mean(axis=2), SHORTEST, LONGEST)
+    slack = _slack(sets, mesh.n_nodes)
+    hexes = movable(mesh.cells, mesh.n_nodes, slack, level, device, 2 * np.log(lengths))
+    best = even_out(hexes, _mended(hexes, slack, points, made.report.min_scaled_jacobian - GIVEN))
+    points = np.array(device.get(best.x)).reshape(3, -1).T
+    report = replace(
+        made.report,
+        size_mm=made.report.size_mm / times,
+        min_scaled_jacobian=best.least,
+        off_surface_nodes=off_surface(points[sets["surface"]] / times, phi / times, made.report.size_mm),
+    )
+    placed = surface.in_mm(points / times).astype(made.mesh.points.dtype)
+    return replace(made, mesh=replace(mesh, points=placed, node_sets=sets), report=report)
+
+
+def _mended(hexes: Movable, slack: Floats, points: Floats, floor: float) -> Placed:
+    """Points (n, 3) with hexes below the floor improved."""
+    device = hexes.device
+    x = device.put(points.T)
+    poor = hexes.scaled_jacobian(x) < floor
+    if not poor.any():
+        return placed(hexes, x, slack)
+    near = neighbourhood(hexes, slack, poor, RINGS)
+    best = improve(near.hexes, near.colours, device.put(points[near.nodes].T), near.slack, Effort(goal=floor))
+    points[near.nodes] = np.array(device.get(best.x)).reshape(3, -1).T
+    return placed(hexes, device.put(points.T), slack)
+
+
+def _node_sets(fine: Mesh, coarse: Mesh) -> dict[str, NDArray[np.int32]]:
+    """Nodes of the surface, and between bodies where the coarse mesh names them."""
+    sets = {"surface": np.unique(fine.boundary()).astype(np.int32)}
+    nodes = {name: np.unique(fine.cells[members]) for name, members in fine.element_sets.items()}
+    for a, b in permutations(nodes, 2):
+        if f"{a}_to_{b}" in coarse.node_sets:
+            sets[f"{a}_to_{b}"] = np.intersect1d(nodes[a], nodes[b]).astype(np.int32)
+    return sets
+
+
+def _slack(sets: dict[str, NDArray[np.int32]], count: int) -> Floats:
+    """(n,) as ``movable`` takes it: on the surface, between bodies where they are, else free."""
+    slack = np.full(count, FREE)
+    slack[sets["surface"]] = 0.0
+    for name, nodes in sets.items():
+        if name != "surface":
+            slack[nodes] = FIXED
+    return slack
