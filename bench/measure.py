@@ -104,12 +104,12 @@ class Row:
         return {**vars(self), "ratio": self.ratio}
 
 
-def best_of(run: Run, *, warm_up: bool = True, budget: float = 1.0) -> float:
-    """Least seconds of at least 3 runs, and of more while they fit in ``budget`` seconds; of one that is long."""
+def best_of(run: Run, *, warm_up: bool = True, budget: float = 1.0, at_least: int = 3) -> float:
+    """Least seconds of some runs, and of more while they fit in ``budget`` seconds; of one that is long."""
     if warm_up:
         run()
     least, spent, runs = float("inf"), 0.0, 0
-    while runs < 3 or (spent < budget and runs < MOST):
+    while runs < at_least or (spent < budget and runs < MOST):
         start = perf_counter()
         run()
         seconds = perf_counter() - start
@@ -117,6 +117,12 @@ def best_of(run: Run, *, warm_up: bool = True, budget: float = 1.0) -> float:
         if seconds > LONG:
             break
     return least
+
+
+def best_in_turn(*runs: Run, rounds: int = 5) -> list[float]:
+    """Least seconds of each of several runs, taken in turn, so that what disturbs one disturbs the others too."""
+    seconds = [[best_of(run, warm_up=False, budget=0.0, at_least=1) for run in runs] for _ in range(1 + rounds)]
+    return [min(found) for found in zip(*seconds[1:], strict=True)]
 
 
 def check(what: str, ours: Any, theirs: Any, tolerance: float) -> None:

@@ -46,6 +46,7 @@ ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {
     "write-inp": bench_write.inp,
     "write-vtu": bench_write.vtu,
     "write-vts": bench_write.vts,
+    "write-vtkhdf": bench_write.vtkhdf,
     "read-dicom": bench_read.rows,
     "start-up": bench_start_up.without_kernels,
     "scale": bench_scale.rows,

@@ -10,6 +10,7 @@ import pytest
 
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import Format, can_read, check_extension, extensions, formats, read_mesh, write
+from gpubspline.export.appended import AppendedFile
 from gpubspline.export.other import FORMATS
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
@@ -203,15 +204,18 @@ def test_vtu_is_written_in_parts(tmp_path, monkeypatch):
     write(mesh, tmp_path / "whole.vtu")
     monkeypatch.setattr("gpubspline.export.appended._CHUNK", 7)
     monkeypatch.setattr("gpubspline.export.rows._CHUNK", 5)
-    asked = []
-    cells_of = Mesh.cells_of
-    monkeypatch.setattr(
-        Mesh, "cells_of", lambda self, elements: asked.append(elements.size) or cells_of(self, elements)
-    )
+    monkeypatch.setattr("gpubspline.mesh.structure._BLOCK", 10)  # a row of 8 and not two
+    asked, put = [], AppendedFile.put
+
+    def watched(self, section, name, first_row, rows):
+        asked.append((name, len(rows)))
+        put(self, section, name, first_row, rows)
+
+    monkeypatch.setattr(AppendedFile, "put", watched)
     write(mesh, tmp_path / "parts.vtu")
     assert (tmp_path / "parts.vtu").read_bytes() == (tmp_path / "whole.vtu").read_bytes()
-    assert max(asked) == 5
-    assert sum(asked) == mesh.n_elements
+    assert [count for name, count in asked if name == "connectivity"] == [8] * 6
+    assert [count for name, count in asked if name == "types"] == [5] * 9 + [3]
 
 
 def test_vtu_is_binary_and_keeps_types(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gpubspline.errors import InputError
+from gpubspline.mesh import mesh as mesh_module
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -101,6 +102,20 @@ def test_connectivity_is_built_once_and_only_when_asked_for():
     _ = mesh.volume_mm3, mesh.boundary(), mesh.n_elements
     assert "cells" not in vars(mesh)
     assert mesh.cells is mesh.cells
+
+
+@pytest.mark.parametrize("element_type", MESHABLE)
+@pytest.mark.parametrize("counts", [(4, 3, 5), (2, 2, 9), (6, 7, 3)])
+@pytest.mark.parametrize("most", [1, 4, 5, 12, 25, 1000])
+def test_cells_in_blocks_are_all_cells_in_order(element_type, counts, most, monkeypatch):
+    """Blocks of less than a row, of some rows with a rest, of some layers with a rest, of everything."""
+    monkeypatch.setattr(structure, "_BLOCK", most)
+    monkeypatch.setattr(mesh_module, "_PART", most)
+    mesh = lattice_mesh(element_type, counts)
+    for given in (mesh, Mesh(mesh.points, element_type, connectivity=mesh.cells)):
+        blocks = [(first, cells.copy()) for first, cells in given.cell_blocks()]
+        assert [first for first, _ in blocks] == np.cumsum([0, *(len(cells) for _, cells in blocks)])[:-1].tolist()
+        np.testing.assert_array_equal(np.concatenate([cells for _, cells in blocks]), mesh.cells)
 
 
 def test_points_are_planes_without_a_copy():

@@ -49,11 +49,12 @@ def _write_cells(group: Any, mesh: Mesh) -> None:
     connectivity = group.create_dataset("Connectivity", n_entries, counting)
     offsets = group.create_dataset("Offsets", mesh.n_elements + 1, counting)
     types = group.create_dataset("Types", mesh.n_elements, np.uint8)
+    for first, cells in mesh.cell_blocks():
+        connectivity[n_nodes * first : n_nodes * (first + len(cells))] = cells.astype(counting, copy=False).ravel()
     for rows in chunks(mesh.n_elements):
-        elements = np.arange(rows.start, rows.stop)
-        connectivity[n_nodes * rows.start : n_nodes * rows.stop] = mesh.cells_of(elements).ravel()
-        offsets[rows.start + 1 : rows.stop + 1] = (elements + 1) * n_nodes
-        types[rows] = np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8)
+        ends = np.arange(n_nodes * (rows.start + 1), n_nodes * rows.stop + 1, n_nodes, dtype=counting)
+        offsets[rows.start + 1 : rows.stop + 1] = ends
+        types[rows] = np.full(ends.size, mesh.element.vtk_type, dtype=np.uint8)
 
 
 def read(path: Path) -> StoredGrid:

@@ -55,11 +55,12 @@ def write(deck: Deck, path: Path) -> None:
 
 def _write_cells(file: AppendedFile, mesh: Mesh, counting: np.dtype[np.int32 | np.int64]) -> None:
     n_nodes = mesh.element.n_nodes
+    for first, cells in mesh.cell_blocks():
+        file.put("Cells", "connectivity", n_nodes * first, cells)
     for rows in chunks(mesh.n_elements):
-        elements = np.arange(rows.start, rows.stop)
-        file.put("Cells", "connectivity", n_nodes * rows.start, mesh.cells_of(elements).ravel())
-        file.put("Cells", "offsets", rows.start, ((elements + 1) * n_nodes).astype(counting))
-        file.put("Cells", "types", rows.start, np.full(elements.size, mesh.element.vtk_type, dtype=np.uint8))
+        offsets = np.arange(n_nodes * (rows.start + 1), n_nodes * rows.stop + 1, n_nodes, dtype=counting)
+        file.put("Cells", "offsets", rows.start, offsets)
+        file.put("Cells", "types", rows.start, np.full(offsets.size, mesh.element.vtk_type, dtype=np.uint8))
 
 
 FORMATS = (

@@ -1,5 +1,6 @@
 """A finite element mesh whose nodes and elements carry named fields and sets."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -13,6 +14,9 @@ from gpubspline.mesh.elements import Element, find_element
 from gpubspline.shown import shown
 
 Fields = dict[str, NDArray[Any]]
+
+_PART = 1 << 16
+"""Elements of a table handed out at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +123,16 @@ class Mesh:
             return np.asarray(self.connectivity[elements])
         assert self.structure is not None
         return structure.cells_of(self.element, self.structure, elements)
+
+    def cell_blocks(self) -> Iterator[tuple[int, NDArray[np.int32]]]:
+        """Node numbers of all elements part by part, for files: number of the first element, and cells (m, k) int32.
+
+        A part is only good until the next one.
+        """
+        if self.structure is not None:
+            yield from structure.cell_blocks(self.element, self.structure)
+        for first in range(0, self.n_elements if self.structure is None else 0, _PART):
+            yield first, self.cells[first : first + _PART]
 
     def boundary(self, side: str | None = None) -> NDArray[np.int32]:
         """Outward faces of the boundary, or of one side (``"u0"`` to ``"w1"``) of a structured mesh.

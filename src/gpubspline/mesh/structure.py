@@ -4,6 +4,7 @@ Nodes are numbered along u, then v, then w. Elements of order 2 lie on a lattice
 have no nodes at its points with more than one odd coordinate, and what is left is numbered in the same order.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,9 @@ Integers = NDArray[Any]
 
 _CHUNK = 1 << 18
 """Elements compared at a time, which bounds the memory."""
+
+_BLOCK = 1 << 16
+"""Elements made at a time, which fit into a cache."""
 
 
 def lattice_counts(element: Element, structure: Counts) -> Counts:
@@ -75,6 +79,26 @@ def cells_of(element: Element, structure: Counts, elements: Integers) -> NDArray
     for vertex, step in enumerate(node_numbers(element, structure, steps).astype(np.int32)):
         np.add(start, step, out=cells[:, vertex])
     return cells
+
+
+def cell_blocks(element: Element, structure: Counts) -> Iterator[tuple[int, NDArray[np.int32]]]:
+    """Node numbers of all elements, block after block: the number of its first element, and its cells (m, k).
+
+    A block is some rows or some layers, and all are alike but for a number added at each vertex, which is several times
+    faster than ``cells_of``. Each takes the memory of the one before it.
+    """
+    *along, n_last = element_counts(structure)
+    layer = int(np.prod(along))
+    size = layer * min(max(_BLOCK // layer, 1), n_last) if layer <= _BLOCK else along[0] * max(_BLOCK // along[0], 1)
+    whole = layer * n_last if size >= layer else layer  # no block goes on over the end of this
+    begins = [first for begin in range(0, layer * n_last, whole) for first in range(begin, begin + whole, size)]
+    pattern = cells_of(element, structure, np.arange(size))
+    steps = cells_of(element, structure, np.array(begins)) - pattern[0]
+    cells = np.empty_like(pattern)
+    for first, step in zip(begins, steps, strict=True):
+        count = min(size, whole - first % whole)
+        np.add(pattern[:count], step[0] if np.all(step == step[0]) else step, out=cells[:count])
+        yield first, cells[:count]
 
 
 def elements_at(structure: Counts, side: str) -> Integers:
