@@ -1,6 +1,7 @@
 """DICOM series: values and places against what was written, and against SimpleITK/GDCM on real scanners' files."""
 
 import shutil
+import tracemalloc
 import warnings
 
 import gdcm
@@ -270,6 +271,25 @@ def test_slices_beside_the_line_are_an_error(tmp_path, write_slice):
         write_slice(tmp_path / f"{k}", np.zeros((3, 4)), (3.0 * (k == 2), 0, k))
     with pytest.raises(InputError, match=r"in one line, got 2 3 mm beside it"):
         read_volume(tmp_path)
+
+
+def test_stored_values_without_an_intercept_are_warned_of(tmp_path, write_series):
+    """Scanners store HU + 1024: all bone would be a thousand too dense."""
+    stored = write_series(tmp_path, [0, 2, 4], RescaleIntercept=None, RescaleSlope=None)
+    with pytest.warns(GpubsplineWarning, match="no rescale intercept in 3 of 3 images"):
+        np.testing.assert_array_equal(read_volume(tmp_path).hu, stored)
+
+
+def test_decoded_slices_are_held_once(tmp_path, write_series, monkeypatch):
+    """With what threads decode ahead of its turn, a few slices."""
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    write_series(tmp_path, range(120), shape=(128, 128))
+    read_volume(tmp_path)  # what is imported on the way
+    tracemalloc.start()
+    volume = read_volume(tmp_path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.7 * volume.hu.nbytes
 
 
 def test_the_largest_ct_series_is_read_unless_another_is_named(tmp_path, write_series):

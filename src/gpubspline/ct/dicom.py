@@ -2,9 +2,9 @@
 
 import os
 import warnings
-from collections import defaultdict
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ from gpubspline.errors import GpubsplineWarning, InputError
 
 AIR_HU = -1024
 """HU of padding: outside the reconstruction nothing was measured."""
+
+AHEAD = 2
+"""Files a thread that are decoded before their turn."""
 
 Progress = Callable[[int, int], None]
 Floats = NDArray[np.float64]
@@ -71,21 +74,36 @@ def _decode(slices: Sequence[Slice], progress: Progress | None) -> NDArray[Any]:
         files[item.path].append(number)
     hu = np.empty((len(slices), *slices[0].shape), dtype=np.int16)
     done = 0
-    with ThreadPoolExecutor(max_workers=min(8, os.cpu_count() or 1)) as pool:
-        jobs = [pool.submit(_decode_file, [slices[n] for n in numbers]) for numbers in files.values()]
+    for numbers, images in _decoded([[slices[n] for n in numbers] for numbers in files.values()], files.values()):
+        for number, image in zip(numbers, images, strict=True):
+            if image.dtype != hu.dtype and hu.dtype == np.int16:
+                hu = hu.astype(np.float32)
+            hu[number] = image
+            done += 1
+            if progress:
+                progress(done, len(slices))
+    return hu
+
+
+def _decoded(
+    files: Sequence[Sequence[Slice]], numbers: Iterable[list[int]]
+) -> Iterator[tuple[list[int], list[NDArray[Any]]]]:
+    """Images of each file beside their numbers; threads decode a few files ahead, so that few are held twice."""
+    workers = min(8, os.cpu_count() or 1)
+    with ThreadPoolExecutor(workers) as pool:
+        waiting: deque[tuple[list[int], Future[list[NDArray[Any]]]]] = deque()
         try:
-            for numbers, job in zip(files.values(), jobs, strict=True):
-                for number, image in zip(numbers, job.result(), strict=True):
-                    if image.dtype != hu.dtype and hu.dtype == np.int16:
-                        hu = hu.astype(np.float32)
-                    hu[number] = image
-                    done += 1
-                    if progress:
-                        progress(done, len(slices))
-        except InputError:
+            for of, file in zip(numbers, files, strict=True):
+                waiting.append((of, pool.submit(_decode_file, file)))
+                if len(waiting) > AHEAD * workers:
+                    first, job = waiting.popleft()
+                    yield first, job.result()
+            while waiting:
+                first, job = waiting.popleft()
+                yield first, job.result()
+        except BaseException:  # at an error or an interrupt nobody waits for the files that are left
             pool.shutdown(cancel_futures=True)
             raise
-    return hu
 
 
 def _decode_file(slices: Sequence[Slice]) -> list[NDArray[Any]]:

@@ -206,12 +206,12 @@ def _named_series(groups: dict[tuple[str, str], list[Header]], series: str) -> l
 def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
     """Describe every image of a series but its localisers, sorted by position along the common normal.
 
-    What is left out is told in words in ``left_out``.
+    What is left out, or not known, is told in words in ``left_out``.
 
     Raises InputError where images have no place or differ in size, pixel spacing or orientation.
     """
     slices: list[Slice] = []
-    localisers = 0
+    localisers = bare = 0
     for header in headers:
         for frame in range(header.n_frames):
             groups = _functional_groups(header, frame)
@@ -219,10 +219,13 @@ def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
                 localisers += 1
             else:
                 slices.append(_slice(header, frame, groups))
+                bare += _attribute(groups, "RescaleIntercept") is None
     if not slices:
         raise InputError(f"expected CT slices, got a series of {localisers} localisers: choose another series")
     if localisers:
         left_out.append(f"left out {localisers} localiser images of the series")
+    if bare:  # what scanners store is often HU + 1024
+        left_out.append(f"no rescale intercept in {bare} of {len(slices)} images: stored values are taken for HU")
     slices = _one_orientation(slices, left_out)
     _check_one("size", [f"{s.shape[1]}x{s.shape[0]}" for s in slices])
     _check_one("pixel spacing", [f"{s.spacing_mm[0]:.4g}x{s.spacing_mm[1]:.4g} mm" for s in slices])
