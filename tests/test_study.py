@@ -59,6 +59,17 @@ def test_a_mapping_that_reads_the_ct_is_not_taken_for_that_of_the_model_file(
         assert (status, err) == (0, "")
         energies.append(json.loads((out / "study.json").read_text())["models"][-1]["strain_energy_nmm"])
     assert energies[1] < 0.8 * energies[0]
+    load, to = ("--load", "stance"), ("-o", tmp_path / "refused")
+    for line in (
+        ("study", model, "--threshold", 300, *load, *to),
+        ("study", model, model, *load, *to),
+        ("solve", model, "--degree", 2, *load, "-o", tmp_path / "refused.vtu"),
+    ):
+        status, said, err = run(*line)
+        assert status == 2 and "one model file, without options that fit one to CT" in err and said == ""
+    status, _, err = run("fit", scan, "--labels", scan, "-o", tmp_path / "refused.npz")
+    assert status == 2 and "expected --labels where a mesh is made" in err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["model.npz", "out"]
 
 
 WRONG = {
@@ -66,6 +77,8 @@ WRONG = {
     "no numbers": (("--nodes-list", "5x5x9 5xax9"), "two or more meshes such as"),
     "two directions": (("--nodes-list", "5x5x9 5x9"), "two or more meshes such as"),
     "no elements": (("--nodes-list", "5x5x9 5x1x9"), "two or more meshes such as"),
+    "one size": (("--nodes-list", "5x5x9 9x5x5"), "meshes of different numbers of elements"),
+    "labels": (("--labels", "parts.nii.gz"), "got --optimize or --labels"),
     "commas": (("--nodes-list", "5,5,9 7,7,11"), "two or more meshes such as"),
     "nodes": (("--nodes", "5,5,9"), "--nodes-list for the meshes of a solid"),
     "slice": (("--slice", "3"), "--nodes-list for the meshes of a solid"),

@@ -18,6 +18,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.blocks.level_set import SAMPLES
 from gpubspline.mesh.element_size import default_size
 from gpubspline.recipe import Body, Meshing, Source
+from gpubspline.spline.reformat import AXES as STACKED
 from gpubspline.surface.read import read_surface
 from gpubspline.surface.region import region_from_surface
 from gpubspline.surface.surface import Surface, spelled
@@ -27,6 +28,8 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 def find_body(source: Source, clock: Clock) -> Body:
     """Read the CT and find the body: by mask, by threshold, or by Otsu's threshold where neither is given."""
+    if source.axis not in STACKED:
+        raise InputError(f"expected the axis {', '.join(STACKED)}, got {source.axis!r}")
     if source.mask is not None and source.threshold_hu is not None:
         raise InputError("expected a threshold or a mask, got both")
     if source.label is not None and source.mask is None:

@@ -37,7 +37,7 @@ def find_model(
             raise InputError(f"expected one mesh file, without options that make a mesh, got {source[0].name} and more")
         with clock.stage("read"):
             return Solid(read_mesh(source[0]))
-    if source[0].suffix == ".npz":
+    if is_model(source, read, region, spline):
         with clock.stage("read"):
             patch, body = load_model(source[0]), None
     else:
@@ -46,3 +46,15 @@ def find_model(
         patch, body = fitted.fit.patch, fitted.body
     model = pipeline.sample_patch(patch, sampled.sampling(), device, clock, body)
     return Solid(model.mesh, None if body is None else body.volume, model.law)
+
+
+def is_model(source: list[Path], read: ReadOptions, region: RegionOptions, spline: SplineOptions) -> bool:
+    """Whether the input is a model file.
+
+    Raises InputError where options come with it that find a body in CT, or more inputs: it has its body.
+    """
+    if source[0].suffix != ".npz":
+        return False
+    if len(source) > 1 or (read, region, spline) != (ReadOptions(), RegionOptions(), SplineOptions()):
+        raise InputError(f"expected one model file, without options that fit one to CT, got {source[0].name} and more")
+    return True

@@ -17,6 +17,7 @@ from gpubspline.cli.options import (
     StudyOptions,
     flattened,
 )
+from gpubspline.cli.solid import is_model
 from gpubspline.errors import InputError
 
 
@@ -43,6 +44,8 @@ def study(
 
     if sampled.nodes is not None or region.slice_index is not None:
         raise InputError("expected --nodes-list for the meshes of a solid, got --nodes or --slice")
+    if sampled.optimize or region.labels is not None:
+        raise InputError("expected meshes as they are sampled to study, got --optimize or --labels")
     page.check(source)
     studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
     with run.clock() as clock:
@@ -94,7 +97,7 @@ def _body(
     from gpubspline.pipeline import fit_patch
     from gpubspline.spline.model import load_model
 
-    if source[0].suffix == ".npz":
+    if is_model(source, read, region, spline):
         with clock.stage("read"):
             return load_model(source[0]), None
     fitted = fit_patch(region.source(source, read, spline.axis), spline.shaping(3), device, clock)

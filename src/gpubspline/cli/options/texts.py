@@ -1,6 +1,6 @@
 """What the texts of options mean: counts, numbers, ranges, names of devices."""
 
-from math import isfinite
+from math import isfinite, prod
 
 from gpubspline.errors import InputError
 
@@ -40,8 +40,11 @@ def samples_list(text: str | None) -> list[tuple[int, int, int]] | None:
         found = [tuple(int(part) for part in word.lower().split("x")) for word in text.split()]
     except ValueError:
         found = []
+    sizes = {prod(n - 1 for n in counts) for counts in found}
     if len(set(found)) < 2 or any(len(counts) != 3 or min(counts) < 2 for counts in found):
         raise InputError(f"expected two or more meshes such as '11x18x34 14x24x46' for --nodes-list, got {text!r}")
+    if len(sizes) < len(set(found)):  # what converges with density has one value of each
+        raise InputError(f"expected meshes of different numbers of elements for --nodes-list, got {text!r}")
     return [(u, v, w) for u, v, w in found]
 
 
