@@ -4,9 +4,18 @@
 // that the vertices a of a run of elements along u lie side by side in the planes. Derivatives are 12 a component: 4
 // along u, 4 along v, 4 along w.
 //
-// What elements give their nodes goes into `shares` (n_w, n_v, 4, 3, 2, n_u): of each row of nodes what comes from elements
-// on its 4 sides, a component after the other, from the right and from the left of each node. No two elements write the
-// same number, and what none writes must be 0. The force on a node is the sum of its 8, always in this order.
+// A GPU takes each element alone: what elements give their nodes goes into `shares` (n_w, n_v, 4, 3, 2, n_u): of each row
+// of nodes what comes from elements on its 4 sides, a component after the other, from the right and from the left of
+// each node. No two elements write the same number, and what none writes must be 0. The force on a node is the sum of
+// its 8, always in this order.
+//
+// A CPU takes `size` x `size` rows of elements at a time, a brick, and sums in its caches what they give their nodes:
+// `bricks` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4. Lame's
+// moduli, two thirds of all that it reads, it wants in the order in which it needs them, which `pack_moduli` writes: 16
+// planes side by side are more than a processor fetches in advance.
+
+// Nothing here must round alike on both backends, as meshes must.
+#pragma OPENCL FP_CONTRACT ON
 
 #define GAUSS 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2
 #define WEIGHT 0.125
@@ -34,23 +43,21 @@ inline void along(realv *d, __global const real *plane, size_t at, int n_u, int 
     bilinear(p - a, q - b, s - e, r - c, d + 8);
 }
 
-// The transpose of `along`, of `count` lanes; `at` is where the component begins in the block of the nodes of vertex 0.
-inline void store_vertices(const realv *d, size_t at, int n_u, int n_v, int count, __global real *out)
+// The transpose of `along`: what the vertices get, u fastest.
+inline void vertices(const realv *d, realv *out)
 {
     realv u[4], v[4], w[4];
     bilinear(d[0], d[1], d[2], d[3], u);
     bilinear(d[4], d[5], d[6], d[7], v);
     bilinear(d[8], d[9], d[10], d[11], w);
-    size_t b = at + 30 * (size_t)n_u; // the next row of nodes, and there the next 6 of its 24
-    size_t e = at + (24 * (size_t)n_v + 12) * n_u, f = e + 30 * (size_t)n_u;
-    store(-u[0] - v[0] - w[0], out, at, count);
-    store(u[0] - v[1] - w[1], out, at + n_u + 1, count);
-    store(v[0] - u[1] - w[2], out, b, count);
-    store(u[1] + v[1] - w[3], out, b + n_u + 1, count);
-    store(w[0] - u[2] - v[2], out, e, count);
-    store(u[2] - v[3] + w[1], out, e + n_u + 1, count);
-    store(v[2] - u[3] + w[2], out, f, count);
-    store(u[3] + v[3] + w[3], out, f + n_u + 1, count);
+    out[0] = -u[0] - v[0] - w[0];
+    out[1] = u[0] - v[1] - w[1];
+    out[2] = v[0] - u[1] - w[2];
+    out[3] = u[1] + v[1] - w[3];
+    out[4] = w[0] - u[2] - v[2];
+    out[5] = u[2] - v[3] + w[1];
+    out[6] = v[2] - u[3] + w[2];
+    out[7] = u[3] + v[3] + w[3];
 }
 
 inline realv dot3(realv a, realv b, realv c, realv x, realv y, realv z)
@@ -91,29 +98,42 @@ inline void add_forces(const realv *x, const realv *h, realv *f, int g, realv la
     f[24 + w] += dot3(xz, yz, zz, c0, c1, c2);
 }
 
+// Forces against the derivatives (36) of elements whose vertices 0 are the nodes from `at` on; moduli of one Gauss point
+// are `step` from those of the next.
+inline void forces_of(realv *f, __global const real *points, __global const real *displacement, size_t at, int n_u,
+                      int n_uv, int n, __global const real *lam, __global const real *mu, size_t step)
+{
+    realv x[36], h[36];
+    for (int c = 0; c < 3; c++) {
+        along(x + 12 * c, points + (size_t)c * n, at, n_u, n_uv);
+        along(h + 12 * c, displacement + (size_t)c * n, at, n_u, n_uv);
+    }
+    for (int q = 0; q < 36; q++)
+        f[q] = 0;
+    for (int g = 0; g < 8; g++)
+        add_forces(x, h, f, g, load(lam, g * step), load(mu, g * step));
+}
+
 // Shares of the nodes' forces; launched over (n_w - 1, n_v - 1, n_u - 1) elements.
 __kernel __attribute__((vec_type_hint(realv)))
 void shares(__global const real *points, __global const real *displacement, int n_u, int n_v, int n_w,
             __global const real *lam, __global const real *mu, __global real *out) ALONE
 {
-    size_t row = get_global_id(1), layer = get_global_id(2);
-    int n_uv = n_u * n_v, n = n_uv * n_w, m = (n_u - 1) * (n_v - 1) * (n_w - 1);
-    FOR_LANES(begin, n_u - 1) {
-        int column = max(0, min(begin, n_u - 1 - LANES)); // the last vector of a row overlaps the one before it
-        size_t at = layer * n_uv + row * n_u + column;
-        size_t place = (layer * (n_v - 1) + row) * (n_u - 1) + column;
-        size_t block = 24 * (layer * n_v + row) * n_u + column;
-        realv x[36], h[36], f[36];
+    size_t row = get_global_id(1), layer = get_global_id(2), side = 6 * (size_t)n_u;
+    int n_uv = n_u * n_v, n = n_uv * n_w, n_e = (n_u - 1) * (n_v - 1) * (n_w - 1);
+    FOR_LANES(i, n_u - 1) {
+        realv f[36], v[8];
+        size_t place = (layer * (n_v - 1) + row) * (n_u - 1) + i;
+        size_t at = layer * n_uv + row * n_u + i;
+        forces_of(f, points, displacement, at, n_u, n_uv, n, lam + place, mu + place, n_e);
         for (int c = 0; c < 3; c++) {
-            along(x + 12 * c, points + (size_t)c * n, at, n_u, n_uv);
-            along(h + 12 * c, displacement + (size_t)c * n, at, n_u, n_uv);
+            vertices(f + 12 * c, v);
+            for (int a = 0; a < 8; a++) {
+                size_t node_row = (layer + a / 4) * n_v + row + (a / 2) % 2;
+                size_t to = (4 * node_row + a / 2) * side + (2 * c + a % 2) * n_u + i + a % 2;
+                store(v[a], out, to, n_u - 1 - i);
+            }
         }
-        for (int q = 0; q < 36; q++)
-            f[q] = 0;
-        for (int g = 0; g < 8; g++)
-            add_forces(x, h, f, g, load(lam, place + (size_t)g * m), load(mu, place + (size_t)g * m));
-        for (int c = 0; c < 3; c++)
-            store_vertices(f + 12 * c, block + 2 * c * n_u, n_u, n_v, n_u - 1 - column, out);
     }
 }
 
@@ -129,6 +149,79 @@ void sum_shares(__global const real *values, __global const real *free, int n_u,
             realv high = (load(a, 2 * side) + load(b, 2 * side)) + (load(a, 3 * side) + load(b, 3 * side));
             size_t at = ((size_t)c * n_rows + row) * n_u + i;
             store((low + high) * load(free, at), out, at, n_u - i);
+        }
+    }
+}
+
+// Lame's moduli (8, elements) in the order in which `bricks` needs them: (rows, vectors of a row, 8, lambda and mu, lanes);
+// launched over (rows of elements, n_u - 1).
+__kernel __attribute__((vec_type_hint(realv)))
+void pack_moduli(__global const real *lam, __global const real *mu, int n_u, int n_rows, __global real *out)
+{
+    size_t row = get_global_id(1), n_e = (size_t)n_rows * (n_u - 1), vectors = (n_u - 2) / LANES + 1;
+    FOR_LANES(i, n_u - 1) {
+        __global real *to = out + (row * vectors + i / LANES) * 16 * LANES;
+        for (int g = 0; g < 8; g++) {
+            size_t place = g * n_e + row * (n_u - 1) + i;
+            store_all(load(lam, place), to, 2 * g * LANES);
+            store_all(load(mu, place), to, (2 * g + 1) * LANES);
+        }
+    }
+}
+
+// Sums of bricks of `size` x `size` rows; launched over (bricks along w, along v, n_u - 1): the first work item of a brick
+// takes it all.
+__kernel __attribute__((vec_type_hint(realv)))
+void bricks(__global const real *points, __global const real *displacement, int n_u, int n_v, int n_w,
+            __global const real *moduli, int size, __global real *out) ALONE
+{
+    int n_uv = n_u * n_v, n = n_uv * n_w, vectors = (n_u - 2) / LANES + 1;
+    int row = get_global_id(1) * size, layer = get_global_id(2) * size;
+    int rows = min(size, n_v - 1 - row), layers = min(size, n_w - 1 - layer);
+    size_t deep = (size_t)(size + 1) * n_u, component = (size + 1) * deep;
+    out += (get_global_id(2) * get_global_size(1) + get_global_id(1)) * 3 * component;
+    if (get_global_id(0))
+        return;
+    for (size_t i = 0; i < 3 * component; i += LANES)
+        store((realv)0, out, i, 3 * component - i);
+    for (int k = 0; k < layers; k++)
+        for (int j = 0; j < rows; j++)
+            for (int i = 0; i < n_u - 1; i += LANES) {
+                realv f[36], v[24];
+                size_t place = ((size_t)(layer + k) * (n_v - 1) + row + j) * vectors + i / LANES;
+                size_t at = (size_t)(layer + k) * n_uv + (row + j) * n_u + i;
+                __global const real *here = moduli + 16 * LANES * place;
+                forces_of(f, points, displacement, at, n_u, n_uv, n, here, here + LANES, 2 * LANES);
+                for (int c = 0; c < 3; c++)
+                    vertices(f + 12 * c, v + 8 * c);
+                for (int side = 0; side < 2; side++) // the left vertices of all first: the right ones wait for them
+                    for (int c = 0; c < 3; c++)
+                        for (int a = side; a < 8; a += 2) {
+                            size_t to = c * component + (k + a / 4) * deep + (j + (a / 2) % 2) * n_u + i + side;
+                            store(load(out, to) + v[8 * c + a], out, to, n_u - 1 - i);
+                        }
+            }
+}
+
+// Forces (3, n) from the bricks, 0 where `free` (3, n) is 0; launched over (n_w, n_v, n_u) nodes.
+__kernel __attribute__((vec_type_hint(realv)))
+void sum_bricks(__global const real *values, __global const real *free, int n_u, int n_v, int n_w, int size,
+                __global real *out)
+{
+    int row = get_global_id(1), layer = get_global_id(2), along_v = (n_v - 2) / size + 1, along_w = (n_w - 2) / size + 1;
+    int first_v = max(row - 1, 0) / size, last_v = min(row / size, along_v - 1);
+    int first_w = max(layer - 1, 0) / size, last_w = min(layer / size, along_w - 1);
+    size_t deep = (size_t)(size + 1) * n_u, component = (size + 1) * deep, n = (size_t)n_u * n_v * n_w;
+    FOR_LANES(i, n_u) {
+        for (int c = 0; c < 3; c++) {
+            realv sum = 0;
+            for (int q = first_w; q <= last_w; q++)
+                for (int p = first_v; p <= last_v; p++) {
+                    size_t brick = (size_t)q * along_v + p;
+                    sum += load(values, (3 * brick + c) * component + (layer - q * size) * deep + (row - p * size) * n_u + i);
+                }
+            size_t at = c * n + ((size_t)layer * n_v + row) * n_u + i;
+            store(sum * load(free, at), out, at, n_u - i);
         }
     }
 }

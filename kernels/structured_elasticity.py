@@ -4,9 +4,15 @@ The mathematics, 2 x 2 x 2 Gauss points and names are those of ``elasticity.py``
 so that the vertices a of a run of elements along u lie side by side in the planes: all is in lanes (``lanes.py``), lane
 l being the element l further on in the row. Derivatives are 12 a component: 4 along u, 4 along v, 4 along w.
 
-What elements give their nodes goes into ``shares`` (n_w, n_v, 4, 3, 2, n_u): of each row of nodes what comes from
-elements on its 4 sides, a component after the other, from the right and from the left of each node. No two elements
-write the same number, and what none writes must be 0. The force on a node is the sum of its 8, always in this order.
+A GPU takes each element alone: what elements give their nodes goes into ``shares`` (n_w, n_v, 4, 3, 2, n_u): of each
+row of nodes what comes from elements on its 4 sides, a component after the other, from the right and from the left of
+each node. No two elements write the same number, and what none writes must be 0. The force on a node is the sum of its
+8, always in this order.
+
+A CPU takes ``size`` x ``size`` rows of elements at a time, a brick, and sums in its caches what they give their nodes:
+``bricks`` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4.
+Lame's moduli, two thirds of all that it reads, it wants in the order in which it needs them, which ``pack_moduli``
+writes: 16 planes side by side are more than a processor fetches in advance.
 """
 
 from typing import Any
@@ -17,6 +23,12 @@ from gpubspline.kernels.lanes import LaneArray
 
 GAUSS = wp.constant(wp.float64(0.21132486540518711775))  # (1 - 1 / sqrt 3) / 2
 WEIGHT = wp.constant(wp.float64(0.125))
+
+REGISTER = 64
+"""Bytes of the vectors of a CPU: as many lanes as one register holds, since nothing of longer ones stays in it."""
+# Lanes are loops, which become one instruction each where they are not unrolled before. Nothing here must round alike
+# on both backends, as meshes must: products and sums may be fused.
+FLAGS = "-march=native -mllvm=-inline-threshold=9000 -fno-unroll-loops -ffp-contract=fast"
 
 
 @wp.func
@@ -75,50 +87,79 @@ def minor(a: Any, b: Any, c: Any, d: Any):
 
 
 @wp.func
-def store_vertices(d: Any, c: wp.int32, at: wp.int32, n_u: wp.int32, n_v: wp.int32, out: LaneArray):
-    """The transpose of ``along`` of component c; ``at`` is where the block of the nodes of vertex 0 begins."""
+def vertices(d: Any):
+    """The transpose of ``along``: what the vertices get, u fastest."""
     u0, u1, u2, u3 = bilinear(d[0], d[1], d[2], d[3])
     v0, v1, v2, v3 = bilinear(d[4], d[5], d[6], d[7])
     w0, w1, w2, w3 = bilinear(d[8], d[9], d[10], d[11])
-    a = at + 2 * c * n_u
-    b = a + 30 * n_u  # the next row of nodes, and there the next 6 of its 24
-    e = a + (24 * n_v + 12) * n_u
+    return (
+        -u0 - v0 - w0,
+        u0 - v1 - w1,
+        v0 - u1 - w2,
+        u1 + v1 - w3,
+        w0 - u2 - v2,
+        u2 - v3 + w1,
+        v2 - u3 + w2,
+        u3 + v3 + w3,
+    )
+
+
+@wp.func
+def store_vertices(d: Any, at: wp.int32, n_u: wp.int32, n_v: wp.int32, out: LaneArray):
+    """Write the shares of a component; ``at`` is where it begins in the block of the nodes of vertex 0."""
+    f0, f1, f2, f3, f4, f5, f6, f7 = vertices(d)
+    b = at + 30 * n_u  # the next row of nodes, and there the next 6 of its 24
+    e = at + (24 * n_v + 12) * n_u
     f = e + 30 * n_u
-    out[a] = -u0 - v0 - w0
-    out[a + n_u + 1] = u0 - v1 - w1
-    out[b] = v0 - u1 - w2
-    out[b + n_u + 1] = u1 + v1 - w3
-    out[e] = w0 - u2 - v2
-    out[e + n_u + 1] = u2 - v3 + w1
-    out[f] = v2 - u3 + w2
-    out[f + n_u + 1] = u3 + v3 + w3
+    out[at] = f0
+    out[at + n_u + 1] = f1
+    out[b] = f2
+    out[b + n_u + 1] = f3
+    out[e] = f4
+    out[e + n_u + 1] = f5
+    out[f] = f6
+    out[f + n_u + 1] = f7
 
 
-# Left a loop over Gauss points: unrolled, a CPU's compiler works on it for most of a minute, for nothing.
-@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1})
-def shares(
+@wp.func
+def add_vertices(d: Any, at: wp.int32, n_u: wp.int32, deep: wp.int32, out: LaneArray):
+    """Add a component to the sums of a brick; ``at`` is vertex 0."""
+    f0, f1, f2, f3, f4, f5, f6, f7 = vertices(d)
+    b = at + n_u
+    e = at + deep
+    f = e + n_u
+    out[at] = out[at] + f0
+    out[b] = out[b] + f2
+    out[e] = out[e] + f4
+    out[f] = out[f] + f6
+    out[at + 1] = out[at + 1] + f1
+    out[b + 1] = out[b + 1] + f3
+    out[e + 1] = out[e + 1] + f5
+    out[f + 1] = out[f + 1] + f7
+
+
+@wp.func
+def forces_of(
     points: LaneArray,
     displacement: LaneArray,
+    at: wp.int32,
     n_u: wp.int32,
-    n_v: wp.int32,
-    n_w: wp.int32,
+    n_uv: wp.int32,
+    n: wp.int32,
     lam: LaneArray,
     mu: LaneArray,
-    out: LaneArray,
-    first: wp.int32,
-    lanes: wp.int32,
+    at_lam: wp.int32,
+    at_mu: wp.int32,
+    step: wp.int32,
 ):
-    """Shares of the nodes' forces; launched over (n_w - 1, n_v - 1, n_u - 1) elements."""
-    tid_k, row, item = wp.tid()
-    layer = tid_k + first
-    column = wp.min(item * lanes, n_u - 1 - lanes)
-    n_uv = n_u * n_v
-    n = n_uv * n_w
-    m = (n_u - 1) * (n_v - 1) * (n_w - 1)
-    at = layer * n_uv + row * n_u + column
+    """Forces against the derivatives, 12 a component, of elements whose vertices 0 are the nodes from ``at`` on.
+
+    Moduli begin at ``at_lam`` and ``at_mu``; those of a Gauss point are ``step`` from those of the next.
+    """
+    weight = points.dtype(type(points[at][0])(WEIGHT))
     zero = type(points[at][0])(0.0)
     nil = wp.vector(zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero)
-    none = wp.outer(nil, out.dtype(zero))
+    none = wp.outer(nil, weight)
     x = along(points, at, n_u, n_uv, none)
     y = along(points, n + at, n_u, n_uv, none)
     z = along(points, 2 * n + at, n_u, n_uv, none)
@@ -128,8 +169,7 @@ def shares(
     fx = none
     fy = none
     fz = none
-    weight = out.dtype(type(points[at][0])(WEIGHT))
-    g = (layer * (n_v - 1) + row) * (n_u - 1) + column
+    g = wp.int32(0)
     for i in range(2):
         for j in range(2):
             for k in range(2):
@@ -149,11 +189,11 @@ def shares(
                 xx = dot3(hx[u], hx[v], hx[w], a0, b0, c0)
                 yy = dot3(hy[u], hy[v], hy[w], a1, b1, c1)
                 zz = dot3(hz[u], hz[v], hz[w], a2, b2, c2)
-                shear = wp.cw_mul(factor, mu[g])
+                shear = wp.cw_mul(factor, mu[at_mu + g])
                 yz = dot3(hy[u], hy[v], hy[w], a2, b2, c2) + dot3(hz[u], hz[v], hz[w], a1, b1, c1)
                 xz = dot3(hx[u], hx[v], hx[w], a2, b2, c2) + dot3(hz[u], hz[v], hz[w], a0, b0, c0)
                 xy = dot3(hx[u], hx[v], hx[w], a1, b1, c1) + dot3(hy[u], hy[v], hy[w], a0, b0, c0)
-                pressure = wp.cw_mul(wp.cw_mul(factor, lam[g]), xx + yy + zz)
+                pressure = wp.cw_mul(wp.cw_mul(factor, lam[at_lam + g]), xx + yy + zz)
                 twice = shear + shear
                 xx = pressure + wp.cw_mul(twice, xx)
                 yy = pressure + wp.cw_mul(twice, yy)
@@ -170,11 +210,37 @@ def shares(
                 fz[u] = fz[u] + dot3(xz, yz, zz, a0, a1, a2)
                 fz[v] = fz[v] + dot3(xz, yz, zz, b0, b1, b2)
                 fz[w] = fz[w] + dot3(xz, yz, zz, c0, c1, c2)
-                g = g + m
+                g = g + step
+    return fx, fy, fz
+
+
+# Left a loop over Gauss points: unrolled, a CPU's compiler works on it for most of a minute, for nothing.
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FLAGS})
+def shares(
+    points: LaneArray,
+    displacement: LaneArray,
+    n_u: wp.int32,
+    n_v: wp.int32,
+    n_w: wp.int32,
+    lam: LaneArray,
+    mu: LaneArray,
+    out: LaneArray,
+    first: wp.int32,
+    lanes: wp.int32,
+):
+    """Shares of the nodes' forces; launched over (n_w - 1, n_v - 1, n_u - 1) elements."""
+    tid_k, row, item = wp.tid()
+    layer = tid_k + first
+    column = wp.min(item * lanes, n_u - 1 - lanes)
+    n_uv = n_u * n_v
+    at = layer * n_uv + row * n_u + column
+    place = (layer * (n_v - 1) + row) * (n_u - 1) + column
+    n_e = (n_u - 1) * (n_v - 1) * (n_w - 1)
+    fx, fy, fz = forces_of(points, displacement, at, n_u, n_uv, n_uv * n_w, lam, mu, place, place, n_e)
     block = 24 * (layer * n_v + row) * n_u + column
-    store_vertices(fx, 0, block, n_u, n_v, out)
-    store_vertices(fy, 1, block, n_u, n_v, out)
-    store_vertices(fz, 2, block, n_u, n_v, out)
+    store_vertices(fx, block, n_u, n_v, out)
+    store_vertices(fy, block + 2 * n_u, n_u, n_v, out)
+    store_vertices(fz, block + 4 * n_u, n_u, n_v, out)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -200,3 +266,108 @@ def sum_shares(
         high = (values[e] + values[e + n_u]) + (values[f] + values[f + n_u])
         at = (c * n_rows + row) * n_u + i
         out[at] = wp.cw_mul(low + high, free[at])
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def pack_moduli(
+    lam: LaneArray,
+    mu: LaneArray,
+    n_u: wp.int32,
+    n_rows: wp.int32,
+    out: LaneArray,
+    first: wp.int32,
+    lanes: wp.int32,
+):
+    """Lame's moduli (8, elements) as ``bricks`` needs them: (rows, vectors of a row, 8, lambda and mu, lanes).
+
+    The last vector of a row overlaps the one before it: what that has is 0 here. Launched over (rows of elements,
+    n_u - 1).
+    """
+    tid_row, item = wp.tid()
+    row = tid_row + first
+    column = wp.min(item * lanes, n_u - 1 - lanes)
+    to = (row * ((n_u - 2) / lanes + 1) + item) * 16 * lanes
+    place = row * (n_u - 1) + column
+    for _point in range(8):
+        first_modulus = lam[place]
+        second_modulus = mu[place]
+        for lane in range(item * lanes - column):
+            first_modulus[lane] = type(first_modulus[0])(0.0)
+            second_modulus[lane] = type(first_modulus[0])(0.0)
+        out[to] = first_modulus
+        out[to + lanes] = second_modulus
+        to = to + 2 * lanes
+        place = place + n_rows * (n_u - 1)
+
+
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FLAGS})
+def bricks(
+    points: LaneArray,
+    displacement: LaneArray,
+    n_u: wp.int32,
+    n_v: wp.int32,
+    n_w: wp.int32,
+    moduli: LaneArray,
+    size: wp.int32,
+    out: LaneArray,
+    first: wp.int32,
+    lanes: wp.int32,
+):
+    """Sums of bricks of ``size`` x ``size`` rows; launched over (bricks along w, along v, n_u - 1).
+
+    The first work item of a brick takes it all.
+    """
+    tid_w, brick_v, item = wp.tid()
+    brick_w = tid_w + first
+    if item > 0:
+        return
+    n_uv = n_u * n_v
+    deep = (size + 1) * n_u
+    component = (size + 1) * deep
+    block = (brick_w * ((n_v - 2) / size + 1) + brick_v) * 3 * component
+    for i in range(0, 3 * component, lanes):
+        out[block + wp.min(i, 3 * component - lanes)] = out.dtype(type(points[0][0])(0.0))
+    for layer in range(brick_w * size, wp.min(brick_w * size + size, n_w - 1)):
+        for row in range(brick_v * size, wp.min(brick_v * size + size, n_v - 1)):
+            place = (layer * (n_v - 1) + row) * ((n_u - 2) / lanes + 1) * 16 * lanes
+            for begin in range(0, n_u - 1, lanes):
+                column = wp.min(begin, n_u - 1 - lanes)
+                at = layer * n_uv + row * n_u + column
+                here = place + 16 * begin
+                fx, fy, fz = forces_of(
+                    points, displacement, at, n_u, n_uv, n_uv * n_w, moduli, moduli, here, here + lanes, 2 * lanes
+                )
+                to = block + (layer - brick_w * size) * deep + (row - brick_v * size) * n_u + column
+                add_vertices(fx, to, n_u, deep, out)
+                add_vertices(fy, to + component, n_u, deep, out)
+                add_vertices(fz, to + 2 * component, n_u, deep, out)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def sum_bricks(
+    values: LaneArray,
+    free: LaneArray,
+    n_u: wp.int32,
+    n_v: wp.int32,
+    n_w: wp.int32,
+    size: wp.int32,
+    out: LaneArray,
+    first: wp.int32,
+    lanes: wp.int32,
+):
+    """Forces (3, n) from the bricks, 0 where ``free`` (3, n) is 0; launched over (n_w, n_v, n_u) nodes."""
+    tid_k, row, item = wp.tid()
+    layer = tid_k + first
+    i = wp.min(item * lanes, n_u - lanes)
+    along_v = (n_v - 2) / size + 1
+    last_w = wp.min(layer / size, (n_w - 2) / size)
+    deep = (size + 1) * n_u
+    component = (size + 1) * deep
+    for c in range(3):
+        total = out.dtype(type(values[0][0])(0.0))
+        for q in range(wp.max(layer - 1, 0) / size, last_w + 1):
+            for p in range(wp.max(row - 1, 0) / size, wp.min(row / size, along_v - 1) + 1):
+                block = (3 * (q * along_v + p) + c) * component
+                total = total + values[block + (layer - q * size) * deep + (row - p * size) * n_u + i]
+        at = ((c * n_w + layer) * n_v + row) * n_u + i
+        out[at] = wp.cw_mul(total, free[at])

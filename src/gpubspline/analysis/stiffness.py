@@ -15,6 +15,10 @@ from gpubspline.mesh.mesh import Mesh
 
 FORMULATIONS = ("full", "incompatible", "bbar")
 """Of hex8; their numbers are those of the kernels."""
+LANES = 16
+"""The most of a vector there."""
+BRICK = 8
+"""Rows of elements each way that a CPU sums in its caches: 9 x 9 rows of nodes of 9 numbers each stay in the second."""
 _CHUNK = 1 << 16
 """Elements whose modes are inverted at a time, which bounds the memory."""
 
@@ -43,7 +47,8 @@ class Stiffness:
     forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
     structure: nodes per direction, where the mesh is structured and of isotropic hex8 of full integration, else None;
         ``apply`` then needs no connectivity.
-    shares: (24 n) that it writes on the way, see ``structured_elasticity.py``; else None.
+    packed: Lame's moduli as it reads them on a CPU, else None.
+    partial: what it writes on the way, see ``structured_elasticity.py``; else None.
     """
 
     device: Device
@@ -64,7 +69,8 @@ class Stiffness:
     fluxes: Buffer
     roots: tuple[Buffer, Buffer, Buffer] | None = None
     structure: tuple[int, ...] | None = None
-    shares: Buffer | None = None
+    packed: Buffer | None = None
+    partial: Buffer | None = None
 
     @property
     def n_points(self) -> int:
@@ -77,11 +83,18 @@ class Stiffness:
             self.element_forces(displacement)
             self._gather(self.forces, 3, free, out)
             return
-        launched = tuple(n - 1 for n in reversed(self.structure))
+        n_u, n_v, n_w = self.structure
         where = (self.points, displacement, *self.structure)
-        self.device.launch("structured_elasticity.shares", launched, *where, *self.lame, self.shares)
-        n_u, n_rows = self.structure[0], self.n_nodes // self.structure[0]
-        self.device.launch("structured_elasticity.sum_shares", (n_rows, n_u), self.shares, free, n_u, n_rows, out)
+        if self.packed is not None:
+            launched = (*_bricks(self.structure), n_u - 1)
+            self.device.launch("structured_elasticity.bricks", launched, *where, self.packed, BRICK, self.partial)
+            how = (self.partial, free, *self.structure, BRICK, out)
+            self.device.launch("structured_elasticity.sum_bricks", (n_w, n_v, n_u), *how)
+        else:
+            launched = (n_w - 1, n_v - 1, n_u - 1)
+            self.device.launch("structured_elasticity.shares", launched, *where, *self.lame, self.partial)
+            how = (self.partial, free, n_u, n_v * n_w, out)
+            self.device.launch("structured_elasticity.sum_shares", (n_v * n_w, n_u), *how)
 
     def element_forces(self, displacement: Buffer) -> None:
         """Write what each element gives its nodes, N, into ``forces`` (3, k, m)."""
@@ -168,8 +181,27 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         fluxes=device.empty(1 if element.n_nodes == 8 and roots is None else 9 * len(weights) * mesh.n_elements),
         roots=roots,
         structure=by_rows,
-        shares=None if by_rows is None else device.put(np.zeros(24 * mesh.n_nodes, device.real)),
+        packed=None if by_rows is None or not device.cores else _packed(by_rows, device, lame),
+        partial=None if by_rows is None else _partial(by_rows, device),
     )
+
+
+def _bricks(structure: tuple[int, ...]) -> tuple[int, int]:
+    """Bricks along w and along v."""
+    return -(-(structure[2] - 1) // BRICK), -(-(structure[1] - 1) // BRICK)
+
+
+def _packed(structure: tuple[int, ...], device: Device, lame: list[Buffer]) -> Buffer:
+    n_u, n_rows = structure[0], (structure[1] - 1) * (structure[2] - 1)
+    packed = device.empty(16 * n_rows * (n_u - 1 + LANES))
+    device.launch("structured_elasticity.pack_moduli", (n_rows, n_u - 1), *lame, n_u, n_rows, packed)
+    return packed
+
+
+def _partial(structure: tuple[int, ...], device: Device) -> Buffer:
+    if device.cores:
+        return device.empty(int(np.prod(_bricks(structure))) * 3 * (BRICK + 1) ** 2 * structure[0])
+    return device.put(np.zeros(24 * int(np.prod(structure)), device.real))
 
 
 def _roots(mesh: Mesh, device: Device) -> tuple[Buffer, Buffer, Buffer] | None:

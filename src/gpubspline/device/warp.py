@@ -94,17 +94,23 @@ class WarpDevice:
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel, in vectors of lanes where it is written so; see ``kernels/lanes.py``."""
         module, name = find_kernel(kernel)
-        function = getattr(importlib.import_module(module), name)
+        home = importlib.import_module(module)
+        function = getattr(home, name)
         shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
         if 0 in shape:
             return
         lanes, last = 1, []
         if function.adj.args[-1].label == "lanes":
             if self._device.is_cpu:
-                lanes = next(count for count in CPU_LANES if shape[-1] >= count)
+                lanes = next(count for count in self._cpu_lanes(home) if shape[-1] >= count)
             shape, last = (*shape[:-1], -(-shape[-1] // lanes)), [lanes]
         inputs = self._in_lanes(function, [self._argument(value) for value in args], lanes)
         self._launch_shares(kernel, function, shape, inputs, last)
+
+    def _cpu_lanes(self, module: Any) -> tuple[int, ...]:
+        """What a row may be cut into; by ``REGISTER`` a module of kernels wants vectors of so many bytes."""
+        register = getattr(module, "REGISTER", None)
+        return (register // self.real.itemsize, 8, 1) if register else CPU_LANES
 
     def _launch_shares(
         self, kernel: str, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]
