@@ -45,6 +45,10 @@ def test_what_cannot_be_compared(device: Device) -> None:
     quad = Mesh(np.eye(4, 3), "quad4", structure=(2, 2), fields={"HU": np.zeros(4)})
     with pytest.raises(InputError, match="hexes with the nodal field HU"):
         compare_laws(quad, [straight("one", 1.0, 0.0)], device)
+    hexes = bar()
+    wild = hexes.with_fields({"HU": np.where(np.arange(hexes.n_nodes) == 3, np.nan, 100.0)})
+    with pytest.raises(InputError, match="finite HU"):
+        compare_laws(wild, [straight("one", 1.0, 0.0)], device)
 
 
 def test_a_curve_breaks_where_the_law_jumps() -> None:

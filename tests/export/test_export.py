@@ -237,6 +237,33 @@ def test_a_field_that_is_not_finite_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("extension", [".vtu", ".vts", ".inp", ".msh"])
+def test_a_node_without_a_place_is_refused(extension, tmp_path):
+    """By the writer, and by the reader of what others wrote."""
+    mesh, path = model("hex8"), tmp_path / f"model{extension}"
+    points = mesh.points.copy()
+    points[7, 1] = np.nan
+    broken = replace(mesh, points=points)
+    with pytest.raises(InputError, match="finite coordinates, got NaN or infinity at 1 of 60 nodes"):
+        write(broken, path)
+    assert list(tmp_path.iterdir()) == []
+    if extension == ".vtu":
+        meshio.write_points_cells(path, points, [("hexahedron", mesh.cells)])
+        with pytest.raises(InputError, match=r"finite coordinates in model\.vtu, got NaN or infinity at 1 nodes"):
+            read_mesh(path)
+
+
+def test_names_with_spaces_and_slashes(tmp_path):
+    """ParaView's names are sentences; VTK's old format ends one at a space, and a slash is HDF5's own."""
+    mesh = model("hex8")
+    given = mesh.with_fields({"von Mises / MPa": mesh.fields["HU"]}).with_cell_fields({"a b/c": np.arange(24.0)})
+    for extension, names in ((".vtk", ("von_Mises_/_MPa", "a_b/c")), (".med", ("von Mises _ MPa", "a b_c"))):
+        write(given, tmp_path / f"m{extension}")
+        back = read_mesh(tmp_path / f"m{extension}")
+        np.testing.assert_allclose(back.fields[names[0]], mesh.fields["HU"])
+        np.testing.assert_allclose(back.cell_fields[names[1]], np.arange(24.0))
+
+
 @pytest.mark.parametrize("name", ["model.step", "model", "model.gz", "model.xyz"])
 def test_an_unknown_extension_names_the_known(name, tmp_path):
     for refused in (lambda: check_extension(name), lambda: write(model("quad4"), tmp_path / name)):

@@ -75,6 +75,8 @@ def compare_laws(
     if mesh.element.dimension != 3 or "HU" not in mesh.fields:
         raise InputError(f"expected hexes with the nodal field HU to compare laws on, got {mesh.element_type} without")
     held, pulled = _ends(mesh)
+    if not np.isfinite(mesh.fields["HU"]).all():
+        raise InputError("expected finite HU to compare laws on, got NaN or infinity")
     bare = replace(mesh, fields={"HU": mesh.fields["HU"]}, cell_fields={})
     outcomes = []
     for number, law in enumerate(laws, start=1):

@@ -237,7 +237,7 @@ def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, 
     device.launch("elasticity.jacobians", mesh.n_elements, *where, slopes, n_points, out)
     bad = np.flatnonzero(~(device.get(out).min(axis=0) > 0))
     if len(bad):
-        raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0]}")
+        raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0] + 1}")
 
 
 def _slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[Any], NDArray[Any]]:

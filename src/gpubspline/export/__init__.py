@@ -114,8 +114,8 @@ def write(
 
     Raises
     ------
-    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a field
-    that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that it cannot hold
+    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a place
+    or a field that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that it cannot hold
     are warned of.
     """
     path, mesh = Path(path), getattr(model, "mesh", model)
@@ -158,6 +158,9 @@ _MATERIAL = re.compile(
 
 
 def _check_finite(mesh: Mesh) -> None:
+    wild = int(np.count_nonzero(~np.isfinite(mesh.planes).all(axis=0)))
+    if wild:
+        raise InputError(f"expected finite coordinates, got NaN or infinity at {wild} of {mesh.n_nodes} nodes")
     for name, values in {**mesh.fields, **mesh.cell_fields}.items():
         if not np.isfinite(values).all():
             bad = int(np.count_nonzero(~np.isfinite(values)))

@@ -139,7 +139,7 @@ def _write_fields(file: Any, deck: Deck) -> None:
 
 
 def _write_field(every: Any, name: str, where: str, values: NDArray[Any]) -> None:
-    field = every.create_group(name)
+    field = every.create_group(name.replace("/", "_"))  # HDF5's own
     _attributes(field, MAI=MESH, TYP=FLOAT64, UNI=f"{'':16}", UNT="", NCO=1, NOM=f"{name[:16]:<16}")
     step = field.create_group(FIELD_STEP)
     _attributes(step, NDT=1, NOR=-1, PDT=0.0, RDT=-1, ROR=-1)

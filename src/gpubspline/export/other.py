@@ -42,6 +42,9 @@ def write(deck: Deck, path: Path, form: Format, name: str, options: Mapping[str,
     if lost:
         words = f"{path.suffix.lower()} holds no field {', '.join(lost)}: left out"
         warnings.warn(words, GpubsplineWarning, stacklevel=4)
+    if name == "vtk42":  # whose names end at a space
+        fields, cell_fields = ({"_".join(k.split()): v for k, v in f.items()} for f in (kept.fields, kept.cell_fields))
+        kept = replace(kept, fields=fields, cell_fields=cell_fields)
     with whole_file(path) as temporary, quiet_meshio():
         meshio.write(temporary, kept.to_meshio(), file_format=name, **options)
         if name == "xdmf":

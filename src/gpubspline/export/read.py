@@ -42,14 +42,19 @@ def read_mesh(path: str | Path) -> Mesh:
 
     Raises
     ------
-    InputError where the file is not there, not readable, has neither hexes nor quads, or hexes of several orders.
+    InputError where the file is not there, not readable, has neither hexes nor quads, or hexes of several orders, or
+    a node has no place.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"expected a mesh file, got {path}, which is no file")
     extension = path.suffix.lower()
     mesh = _read_grid(path) if extension in (".vts", ".vtu", ".vtkhdf") else _read_binary(path, extension)
-    return _recognised(_read_by_meshio(path) if mesh is None else mesh)
+    mesh = _read_by_meshio(path) if mesh is None else mesh
+    wild = int(np.count_nonzero(~np.isfinite(mesh.planes).all(axis=0)))
+    if wild:
+        raise InputError(f"expected finite coordinates in {path.name}, got NaN or infinity at {wild} nodes")
+    return _recognised(mesh)
 
 
 def _recognised(mesh: Mesh) -> Mesh:
