@@ -23,6 +23,7 @@ from gpubspline.bench import (
     bench_start_up,
     bench_write,
 )
+from gpubspline.bench.aims import aims
 from gpubspline.bench.measure import Host, Place, Row, cores
 from gpubspline.device import list_devices, open_device
 from gpubspline.errors import InputError
@@ -76,8 +77,9 @@ def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "ful
 
 
 def present() -> tuple[str, ...]:
-    """Names of every device of every backend; a missing backend's row has no number."""
-    return tuple(name for name, _ in list_devices() if ":" in name)
+    """Names of every device of every backend, OpenCL's first, which others are held against."""
+    names = [name for name, _ in list_devices() if ":" in name]  # a missing backend's row has no number
+    return tuple(sorted(names, key=lambda name: not name.startswith("opencl")))
 
 
 def _rows(wanted: Sequence[str], devices: Sequence[str], scale: str) -> Iterator[Row]:
@@ -100,21 +102,28 @@ def heading() -> str:
         [
             "; ".join([machine, *labels]) + ".",
             "Of bandwidth: the time that the bytes which must move (of elasticity, or operations) would take alone, "
-            "over the time taken; of files, by plain writing or reading.",
+            "over the time taken; of files, by plain writing or reading. Aim: what two cores should reach.",
             "",
-            "| work | size | device | time | rate | of bandwidth | times faster than |",
-            "|---|---|---|---|---|---|---|",
+            "| work | size | device | time | rate | of bandwidth | times faster than | aim |",
+            "|---|---|---|---|---|---|---|---|",
         ]
     )
 
 
-def line(row: Row) -> str:
-    """One line of the table."""
+def line(row: Row, before: Sequence[Row] = ()) -> str:
+    """One line of the table, with its aims, of which some are beside rows ``before`` it."""
     size = row.size if row.peak_bytes is None else f"{row.size}, peak {row.peak_bytes / 1e9:.2f} GB"
     rate = "" if row.items == 1 else f"{_short(row.items / row.seconds)}/s"
     share = "" if row.bandwidth_fraction is None else f"{100 * row.bandwidth_fraction:.0f} %"
     peers = ", ".join(f"{name} absent" if ratio is None else f"{name} {ratio:.3g}" for name, ratio in row.ratio.items())
-    return f"| {row.name} | {size} | {row.device} | {_time(row.seconds)} | {rate} | {share} | {peers} |"
+    aim = ", ".join(map(str, aims(row, before)))
+    return f"| {row.name} | {size} | {row.device} | {_time(row.seconds)} | {rate} | {share} | {peers} | {aim} |"
+
+
+def tally(rows: Sequence[Row]) -> str:
+    """How many of the aims of all rows are reached, in words; nothing where there are none."""
+    found = [aim.reached for place, row in enumerate(rows) for aim in aims(row, rows[:place])]
+    return f"{sum(found)} of {len(found)} aims are reached." if found else ""
 
 
 def _short(value: float) -> str:
@@ -130,7 +139,8 @@ def _time(seconds: float) -> str:
 
 def write_json(rows: Sequence[Row], path: Path) -> None:
     """Write the rows as a list, ``null`` for what is absent."""
-    path.write_text(json.dumps([row.to_dict() for row in rows], indent=1) + "\n")
+    told = [{**row.to_dict(), "aims": [vars(aim) for aim in aims(row, rows[:place])]} for place, row in enumerate(rows)]
+    path.write_text(json.dumps(told, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gpubspline.bench import bench_scale, run
+from gpubspline.bench.aims import GPU_SHARES, PEAK_BYTES, SECONDS, SECONDS_A_HEX, SHARES, TIMES, aims
 from gpubspline.bench.bench_evaluate import random_patch
 from gpubspline.bench.measure import Place, Row, WrongResult, best_of, check, time_peers
 from gpubspline.bench.recorder import Recorder
@@ -50,6 +51,7 @@ def well_formed(row: Row) -> bool:
 def test_rows_of_a_device(name: str, device: Device) -> None:
     rows = list(run.ON_DEVICES[name](tiny(device)))
     assert rows and all(well_formed(row) and row.device == device.name for row in rows)
+    assert TIMES.get(name, {}).keys() <= {peer for row in rows for peer in row.peers}
 
 
 @pytest.mark.parametrize("name", [name for name in run.ON_HOST if name not in ("start-up", "scale")])
@@ -147,10 +149,44 @@ def test_unknown_bench_is_refused() -> None:
 
 
 def test_table_is_markdown(tmp_path: Path) -> None:
-    rows = [Row("evaluate", "8 nodes", "host", 0.25, 8, 0.5, {"scipy": 5.0, "splipy": None})]
+    rows = [Row("evaluate", "8 nodes", "opencl:0:0", 0.25, 8, 0.5, {"scipy": 5.0, "splipy": None})]
     text = [*run.heading().splitlines(), run.line(rows[0])]
-    assert text[-1] == "| evaluate | 8 nodes | host | 250 ms | 32 /s | 50 % | scipy 20, splipy absent |"
+    told = "250 ms | 32 /s | 50 % | scipy 20, splipy absent | 55 % of bandwidth missed, 20 x scipy reached |"
+    assert text[-1] == f"| evaluate | 8 nodes | opencl:0:0 | {told}"
     assert len({row.count("|") for row in text[-3:]}) == 1
+    assert run.tally(rows) == "1 of 2 aims are reached."
     run.write_json(rows, tmp_path / "rows.json")
     (found,) = json.loads((tmp_path / "rows.json").read_text())
     assert found["ratio"] == {"scipy": 20.0, "splipy": None} and found["peers"] == {"scipy": 5.0, "splipy": None}
+    assert [aim["reached"] for aim in found["aims"]] == [False, True]
+
+
+def words(row: Row, *before: Row) -> list[str]:
+    return [str(aim) for aim in aims(row, before)]
+
+
+def test_aims_of_files_grow_with_them() -> None:
+    assert words(Row("write-inp", "1,331,000 hexes, 159 MB", "host", 0.9, 1)) == ["1 s reached"]
+    assert words(Row("write-inp", "10,648,000 hexes, 1,300 MB", "host", 8.1, 1)) == ["8 s missed"]
+    assert words(Row("write-vtu", "1,331,000 hexes, 98 MB", "host", 1.0, 1, 0.51)) == ["50 % of bandwidth reached"]
+    big = Row("scale", "103,680,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=2 * 10**9)
+    assert words(big) == ["90 s missed", "6 GB reached"]
+    assert words(Row("scale", "1,000,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=10**9)) == ["6 GB reached"]
+
+
+def test_aims_beside_other_rows() -> None:
+    first = Row("evaluate", "degree 3, control 20x24x46, 9x9x9 nodes", "opencl:0:0", 1.0, 1, 0.6)
+    same, slow = (Row("evaluate", "degree 5, control 64x64x64, 9x9x9 nodes", first.device, t, 1) for t in (1.5, 1.7))
+    warp = Row("evaluate", first.size, "warp:cpu", 4.9, 1, 0.1, {"scipy": 1.0})
+    other = Row("evaluate", "degree 3, control 20x24x46, 7x7x7 nodes", "opencl:0:0", 0.1, 1)
+    assert words(first) == ["55 % of bandwidth reached"]
+    assert words(same, other, first) == ["1.6 x the time of the first reached"]
+    assert words(slow, other, first) == ["1.6 x the time of the first missed"]
+    assert words(warp, other, first) == ["5 x the time of OpenCL reached"]
+    assert words(warp, other) == []
+
+
+def test_every_aim_is_of_a_bench() -> None:
+    known = {*run.NAMES}
+    for table in (TIMES, SHARES, GPU_SHARES, SECONDS, SECONDS_A_HEX, PEAK_BYTES):
+        assert known >= table.keys()

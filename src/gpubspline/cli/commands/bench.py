@@ -26,14 +26,18 @@ def bench(
 ) -> None:
     """Measure each piece of work beside its peers and the memory bandwidth of this machine."""
     from gpubspline.bench import bench_scale, run
+    from gpubspline.bench.measure import Row
 
     for path in filter(None, (json, chart)):
         check_writable(path)
-    rows, measured = [], run.run(only or (), device or (), "quick" if quick else "full")
+    rows: list[Row] = []
+    measured = run.run(only or (), device or (), "quick" if quick else "full")
     typer.echo(run.heading())
     for row in measured:
-        typer.echo(run.line(row))
+        typer.echo(run.line(row, rows))
         rows.append(row)
+    if told := run.tally(rows):
+        typer.echo(f"\n{told}")
     if json:
         run.write_json(rows, json)
     if chart:

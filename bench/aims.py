@@ -1,0 +1,100 @@
+"""What each row of the bench should reach on a machine of two cores, and whether it does.
+
+Kernels are held to figures of their own by OpenCL on a CPU, to a fifth of its speed by Warp on a CPU, and to a share of
+the bandwidth on a GPU. A peer that is absent is no aim.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from gpubspline.bench.measure import Row
+
+TIMES: dict[str, dict[str, float]] = {  # as fast as a peer
+    "evaluate": {"scipy": 20, "splinepy": 1000},
+    "quality-structured": {"VTK": 25},
+    "quality-explicit": {"VTK": 10},
+    "fused": {"slowest part": 0.8},
+    "resample": {"scipy.ndimage": 10},
+    "mapping": {"published, Python": 100},
+    "elasticity-solve": {"CalculiX SPOOLES": 10, "CalculiX Cholesky": 4, "CalculiX scaling": 4},
+}
+SHARES = {  # of bandwidth
+    "evaluate": 0.55,
+    "elasticity-operator": 0.25,
+    "write-vtu": 0.5,
+    "write-vts": 0.5,
+    "write-vtkhdf": 0.5,
+}
+GPU_SHARES = {"evaluate": 0.7, "resample": 0.7, "quality-structured": 0.5}
+SECONDS = {"lattice": 2.0, "read-dicom": 3.0}
+START_UP = {"gpubspline --help": 0.5, "first patch": 2.0}
+SECONDS_A_HEX = {"write-inp": 1 / 1.33e6, "elasticity-growth": 240 / 1e6}
+SECONDS_A_NODE = 90 / 104e6  # of a hundred million nodes, from scan to file
+PEAK_BYTES = {"scale": 6e9, "elasticity-growth": 4e9}
+SLOWEST = 5.0  # Warp beside OpenCL, both on the CPU
+STEEPEST = 1.6  # evaluation of any control points beside those of the paper
+ON_BOTH = ("evaluate", "quality-structured", "quality-explicit", "fused", "resample")
+LARGE = 9.9e5  # from so many hexes or nodes on what does not grow with them no longer counts
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a row should reach, in words, and whether it does."""
+
+    words: str
+    reached: bool
+
+    def __str__(self) -> str:
+        return f"{self.words} {'reached' if self.reached else 'missed'}"
+
+
+def aims(row: Row, before: Sequence[Row] = ()) -> list[Aim]:
+    """Aims of a row; those beside another row where that is one of ``before``."""
+    if row.device == "warp:cpu" and row.name in ON_BOTH:
+        return list(_beside_opencl(row, before))
+    if row.device.startswith("warp:cuda"):
+        return list(_share(row, GPU_SHARES.get(row.name)))
+    return [*_share(row, SHARES.get(row.name)), *_times(row), *_seconds(row), *_beside_paper(row, before)]
+
+
+def _share(row: Row, least: float | None) -> Iterator[Aim]:
+    if least is not None and row.bandwidth_fraction is not None:
+        yield Aim(f"{100 * least:.0f} % of bandwidth", row.bandwidth_fraction >= least)
+
+
+def _times(row: Row) -> Iterator[Aim]:
+    for name, least in TIMES.get(row.name, {}).items():
+        ratio = row.ratio.get(name)
+        if ratio is not None:
+            yield Aim(f"{least:g} x {name}", ratio >= least)
+
+
+def _seconds(row: Row) -> Iterator[Aim]:
+    most = START_UP.get(row.size) if row.name == "start-up" else SECONDS.get(row.name)
+    found = re.match(r"([\d,]+) ", row.size)
+    count = int(found[1].replace(",", "")) if found else 0
+    if row.name in SECONDS_A_HEX and count >= LARGE:
+        most = SECONDS_A_HEX[row.name] * count
+    if row.name == "scale" and count >= 1e8:
+        most = SECONDS_A_NODE * count
+    if most is not None:
+        yield Aim(f"{most:.2g} s", row.seconds <= most)
+    if row.peak_bytes is not None and row.name in PEAK_BYTES:
+        yield Aim(f"{PEAK_BYTES[row.name] / 1e9:g} GB", row.peak_bytes <= PEAK_BYTES[row.name])
+
+
+def _beside_opencl(row: Row, before: Sequence[Row]) -> Iterator[Aim]:
+    for other in before:
+        if other.device.startswith("opencl") and (other.name, other.size) == (row.name, row.size):
+            yield Aim(f"{SLOWEST:g} x the time of OpenCL", row.seconds <= SLOWEST * other.seconds)
+
+
+def _beside_paper(row: Row, before: Sequence[Row]) -> Iterator[Aim]:
+    """Time a node of other control points, beside the first patch of the same device and nodes."""
+    nodes = row.size.rpartition(", ")[2]
+    alike = [
+        each for each in before if (each.name, each.device) == (row.name, row.device) and each.size.endswith(nodes)
+    ]
+    if row.name == "evaluate" and alike:
+        yield Aim(f"{STEEPEST:g} x the time of the first", row.seconds <= STEEPEST * alike[0].seconds)
