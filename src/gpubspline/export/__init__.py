@@ -114,9 +114,9 @@ def write(
 
     Raises
     ------
-    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a
-    place or a field that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that
-    it cannot hold are warned of.
+    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a place
+    or a field that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that it
+    cannot hold are warned of.
     """
     path, mesh = Path(path), getattr(model, "mesh", model)
     form = find_format(path, format)
