@@ -2,8 +2,9 @@
 //
 // real   float or double, given as -D real=..., of REAL_BYTES
 // LANES  elements of the vector type realv: 1 on a GPU, 8 on a CPU, where PoCL does not vectorise across work items by
-//        itself. A kernel written in realv says so with vec_type_hint(realv) and walks the fastest dimension with
-//        FOR_LANES; the device then launches it over fewer work items there.
+//        itself; in a file whose first line is WIDE 16 for the floats of AVX-512. A kernel written in realv says so with
+//        vec_type_hint(realv) and walks the fastest dimension with FOR_LANES; the device then launches it over fewer
+//        work items there.
 //
 // Buffers are padded by LANES elements, so that `load` may read past the last row; `store` writes only what is asked.
 

@@ -1,3 +1,4 @@
+// WIDE
 // Piecewise power law from HU to density, Young's modulus and Poisson's ratio (the form of eqs 3.6 and 3.7).
 
 // Piece q holds lower[q] <= HU < upper[q] (the last one its upper end too): E = factor rho^exponent + offset in MPa with

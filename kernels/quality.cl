@@ -202,23 +202,6 @@ void quad_corner_jacobian(__global const real *nodes, __global const int *cells,
     }
 }
 
-// Nodes n_u x n_v x n_w, u fastest; launched over (n_w - 1, n_v - 1, n_u - 1) cells.
-__kernel __attribute__((vec_type_hint(realv)))
-void hex_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,
-                                    int n_v, int n_w, __global real *out)
-{
-    size_t j = get_global_id(1), k = get_global_id(2);
-    out += (k * (n_v - 1) + j) * (n_u - 1);
-    FOR_LANES(i, n_u - 1) {
-        size_t a = (k * n_v + j) * n_u + i, b = a + n_u, c = a + (size_t)n_u * n_v, d = c + n_u;
-        point p[8] = {row(x, y, z, a), row(x, y, z, a + 1), row(x, y, z, b + 1), row(x, y, z, b),
-                      row(x, y, z, c), row(x, y, z, c + 1), row(x, y, z, d + 1), row(x, y, z, d)};
-        realv corner[8];
-        hex_corners(p, corner);
-        store(least(corner, 8), out, i, n_u - 1 - i);
-    }
-}
-
 // Nodes n_u x n_v, u fastest; launched over (n_v - 1, n_u - 1) cells.
 __kernel __attribute__((vec_type_hint(realv)))
 void quad_scaled_jacobian_structured(__global const real *x, __global const real *y, __global const real *z, int n_u,

@@ -136,8 +136,7 @@ def test_opencl_drives_a_gpu_as_it_does_a_cpu(both_devices: tuple[Device, ...]) 
     """The way of a GPU, one lane, padded groups and copies, gone on the CPU: kernels must not tell the difference."""
     cpu = both_devices[1]
     gpu = copy(cpu)
-    gpu.__dict__.update(_is_cpu=False, _lanes=1, cores=0, _kernels={})
-    gpu.__dict__.pop("_options", None)
+    gpu.__dict__.update(_is_cpu=False, _lanes=1, _wide_lanes=1, cores=0, _kernels={})
     control = np.random.default_rng(0).uniform(-50, 50, (6, 7, 8, 4))
     control[..., :3] += 100 * np.stack(np.meshgrid(*map(np.arange, (6, 7, 8)), indexing="ij"), axis=-1)
     control[..., 3] += 300

@@ -4,7 +4,7 @@ import re
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import KERNELS, Device, find_kernel, quietly
-from gpubspline.device.pocl import name_processor
+from gpubspline.device.pocl import has_wide_vectors, name_processor
 from gpubspline.errors import BackendUnavailable
 
-CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0
+CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0 in some files
+WIDE_LANES = 16  # in files that say so: as many floats as a vector of AVX-512 holds
+WIDE = "// WIDE\n"
 CPU_RUN = 128  # vectors of the fastest dimension that a work item takes on a CPU
 GPU_GROUP = 64
 SIGNATURE = re.compile(r"__kernel\s+(__attribute__\(\(vec_type_hint\(realv\)\)\)\s+)?void\s+(\w+)\s*\(([^)]*)\)")
@@ -60,6 +62,7 @@ class OpenCLDevice:
         self.on_build: Callable[[str], None] = quietly
         self._is_cpu = bool(device.type & opencl.device_type.CPU)
         self._lanes = CPU_LANES if self._is_cpu else 1
+        self._wide_lanes = WIDE_LANES if self._is_cpu and real == np.float32 and has_wide_vectors() else self._lanes
         self.cores = device.max_compute_units if self._is_cpu else 0
         if self._is_cpu and device.platform.name == "Portable Computing Language":
             name_processor(device)
@@ -67,7 +70,7 @@ class OpenCLDevice:
         self._queue = opencl.CommandQueue(self._context)
         # a process that ends, interrupted perhaps, while PoCL's threads still run a kernel crashes in them
         weakref.finalize(self, self._queue.finish)
-        self._kernels: dict[str, tuple[Any, bool]] = {}
+        self._kernels: dict[str, tuple[Any, int]] = {}
 
     def put(self, array: Any) -> OpenCLBuffer:
         """Upload, the last index fastest; what is on an OpenCL device already comes back as it is."""
@@ -85,7 +88,7 @@ class OpenCLDevice:
         """Reserve a buffer, padded by the lanes that a kernel may read past its end."""
         shape = (shape,) if isinstance(shape, int) else tuple(int(n) for n in shape)
         kind = np.dtype(self.real if dtype is None else dtype)
-        padded = int(np.prod(shape, dtype=np.int64)) + self._lanes
+        padded = int(np.prod(shape, dtype=np.int64)) + self._wide_lanes
         flags = self._opencl.mem_flags.READ_WRITE
         if self._is_cpu:
             flags |= self._opencl.mem_flags.ALLOC_HOST_PTR
@@ -113,12 +116,12 @@ class OpenCLDevice:
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel; OpenCL counts dimensions from the fastest."""
-        function, in_lanes = self._kernel(kernel)
+        function, lanes = self._kernel(kernel)
         shape = [dim] if isinstance(dim, int) else [int(n) for n in reversed(dim)]
         if 0 in shape:
             return
-        if in_lanes and self._is_cpu:
-            shape[0] = -(-shape[0] // (CPU_LANES * CPU_RUN))
+        if lanes and self._is_cpu:
+            shape[0] = -(-shape[0] // (lanes * CPU_RUN))
         group = self._fixed_group(function, len(shape))
         if not self._is_cpu:
             shape[0] = -(-shape[0] // GPU_GROUP) * GPU_GROUP
@@ -138,23 +141,25 @@ class OpenCLDevice:
             return self.real.type(value)
         return np.int32(value)
 
-    def _kernel(self, kernel: str) -> tuple[Any, bool]:
+    def _kernel(self, kernel: str) -> tuple[Any, int]:
+        """The function, and the lanes of a kernel that is written in them, else 0."""
         if kernel not in self._kernels:
             prefix, (module, _) = kernel.rpartition(".")[0], find_kernel(kernel)
             package, _, file = module.rpartition(".")
             text = _source(file, package=package)
+            lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
             self.on_build(kernel)
-            program = self._opencl.Program(self._context, _source("lanes", "h") + text).build(options=self._options)
+            whole = _source("lanes", "h") + text
+            program = self._opencl.Program(self._context, whole).build(options=self._options(lanes))
             self.on_build("")
             for hint, name, _ in SIGNATURE.findall(text):
-                self._kernels[f"{prefix}.{name}"] = (self._opencl.Kernel(program, name), bool(hint))
+                self._kernels[f"{prefix}.{name}"] = (self._opencl.Kernel(program, name), lanes if hint else 0)
         return self._kernels[kernel]
 
-    @cached_property
-    def _options(self) -> list[str]:
+    def _options(self, lanes: int) -> list[str]:
         type_name = "double" if self.real == np.float64 else "float"
         single = [] if self.real == np.float64 else ["-cl-single-precision-constant"]
-        return [f"-Dreal={type_name}", f"-DREAL_BYTES={self.real.itemsize}", f"-DLANES={self._lanes}", *single]
+        return [f"-Dreal={type_name}", f"-DREAL_BYTES={self.real.itemsize}", f"-DLANES={lanes}", *single]
 
     def wait(self) -> None:
         """Return when everything launched has finished."""

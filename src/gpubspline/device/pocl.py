@@ -10,6 +10,7 @@ import ctypes
 import os
 import platform
 import struct
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,18 @@ def _read(memory: int, count: int, address: int) -> bytes:
         return b""
 
 
+def has_wide_vectors() -> bool:
+    """Whether the processor is known to have registers of 64 bytes."""
+    return "avx512f" in _flags()
+
+
 def _target() -> bytes:
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    flags = set(next((line for line in lines if line.startswith("flags")), "").split())
-    return next(name for name, needed in TARGETS if needed <= flags)
+    return next(name for name, needed in TARGETS if needed <= _flags())
+
+
+@cache
+def _flags() -> set[str]:
+    """What the processor says it can do; on Linux, else nothing."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    return set(next((line for line in lines if line.startswith("flags")), "").split())

@@ -37,7 +37,8 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     corners = structure.corner_nodes(mesh.element, mesh.structure)
     points = _put_points(mesh.planes if corners is None else mesh.planes[:, corners], device)
     launched = structure.element_counts(mesh.structure)[::-1]
-    device.launch(f"quality.{kind}_scaled_jacobian_structured", launched, *points, *mesh.structure, result)
+    kernel = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
+    device.launch(kernel, launched, *points, *mesh.structure, result)
     return np.asarray(device.get(result))
 
 
