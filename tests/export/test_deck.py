@@ -103,6 +103,31 @@ def test_metres_and_pascals(femur, all_loads):
     assert any("m, N, Pa, kg" in words for words in metres.comments)
 
 
+@pytest.mark.parametrize(
+    ("name", "there", "factor"),
+    [
+        ("E_MPa", "E_Pa", 1e6),
+        ("E_MPa_27", "E_Pa_27", 1e6),
+        ("G12_MPa", "G12_Pa", 1e6),
+        ("stress_xy_mpa", "stress_xy_pa", 1e6),
+        ("density_g_cm3_8", "density_kg_m3_8", 1e3),
+        ("displacement_mm_x", "displacement_m_x", 1e-3),
+        ("strain_energy_density", "strain_energy_density", 1e6),
+        ("nu_3", "nu_3", 1.0),
+        ("HU", "HU", 1.0),
+        ("axis1_x", "axis1_x", 1.0),
+        ("force_n_x", "force_n_x", 1.0),
+    ],
+)
+def test_every_field_is_in_the_systems_units(name, there, factor):
+    """Those at Gauss points and of components, too."""
+    values = np.array([1.5, 2.0], dtype=np.float32)
+    ((found, scaled),) = find_units("m-N-Pa").fields({name: values}).items()
+    assert found == there and scaled.dtype == np.float32
+    np.testing.assert_allclose(scaled, values * factor, rtol=1e-6)
+    assert find_units("mm-N-MPa").fields({name: values})[name] is values
+
+
 def test_the_figures_state_the_error_and_the_total_load(femur):
     figures = deck(femur, load=load_case("stance"), modulus_bins=7).figures
     assert figures["modulus"]["means"] == "bins" and 0 < figures["modulus"]["mean_error"] < 1

@@ -1,5 +1,6 @@
 """Systems of units that a deck can be written in, each consistent with Newton's law."""
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,16 +37,22 @@ class Units:
         return dict(self._field(name, values) for name, values in fields.items())
 
     def _field(self, name: str, values: NDArray[Any]) -> tuple[str, NDArray[Any]]:
-        if name == "density_g_cm3":
-            return f"density_{self.density}", values * values.dtype.type(self.per_g_cm3)
-        head, middle, tail = name.rpartition("_mm")
-        if middle and tail in ("", "_x", "_y", "_z"):
-            return f"{head}_{self.length}{tail}", values * values.dtype.type(self.per_mm)
-        for ending, new in (("_MPa", f"_{self.stress}"), ("_mpa", f"_{self.stress.lower()}")):
-            if name.endswith(ending):
-                return name.removesuffix(ending) + new, values * values.dtype.type(self.per_mpa)
-        return name, values
+        if name == "strain_energy_density":  # of no unit in its name: N mm/mm3 is a stress
+            return name, values * values.dtype.type(self.per_mpa)
+        found = _UNIT.fullmatch(name)
+        if found is None:
+            return name, values
+        unit, factor = {
+            "mm": (self.length, self.per_mm),
+            "MPa": (self.stress, self.per_mpa),
+            "mpa": (self.stress.lower(), self.per_mpa),
+            "g_cm3": (self.density, self.per_g_cm3),
+        }[found["unit"]]
+        return f"{found['of']}_{unit}{found['part']}", values * values.dtype.type(factor)
 
+
+_UNIT = re.compile(r"(?P<of>.+)_(?P<unit>mm|MPa|mpa|g_cm3)(?P<part>(_([xyz]|\d+))?)")
+"""A quantity, its unit, and which component or Gauss point of it the field is."""
 
 DEFAULT_UNITS = "mm-N-MPa"
 UNITS = {
