@@ -73,6 +73,7 @@ def test_laws_say_where_they_jump_and_what_is_unconfirmed(run: Command) -> None:
     [
         (["--mapping", "voxel"], "mapping of nodal, gauss, element-hu, element-e, got 'voxel'"),
         (["--surface-depth", "-1"], "positive depth below the surface"),
+        (["--floor-modulus", "3"], "--floor-modulus with --out-of-range floor, got clamp"),
         (["--quadrature", "3"], "element-hu or element-e alone"),
         (["--law", "hooke"], "material law of wirtz-2000"),
     ],

@@ -81,6 +81,8 @@ class SamplingOptions:
 
         policy: dict[str, Any] = {"policy": self.out_of_range}
         if self.floor_modulus is not None:
+            if self.out_of_range != "floor":
+                raise InputError(f"expected --floor-modulus with --out-of-range floor, got {self.out_of_range}")
             policy["floor_modulus_mpa"] = self.floor_modulus
         counts = integers(self.nodes, "nodes", (2, 3, 4))
         across = None if self.transverse_law is None else find_law(self.transverse_law)
