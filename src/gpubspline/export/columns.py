@@ -91,15 +91,23 @@ def _fixed_reals(values: Any, width: int) -> Any:
     import polars
 
     if values.dtype != polars.Float64:
-        return _pointed(values.cast(polars.String))
+        if width >= _WIDE:  # which holds all that they have
+            return _pointed(values.cast(polars.String))
+        values = values.cast(polars.Float64)
     text = _pointed(values.round_sig_figs(width - _AROUND).cast(polars.String))
     for digits in range(width - _AROUND + 1, width - 1) if width < _WIDE else ():
         more = _pointed(values.round_sig_figs(digits).cast(polars.String))
         text = more.zip_with(more.str.len_chars() <= width, text)
     long = (text.str.len_chars() > width).arg_true()  # rounding to digits left more of them, as in 6.00000000000001e-16
     if long.len():
-        text = text.scatter(long, [f"{value:.{width - 8}e}" for value in values.gather(long).to_list()])
+        text = text.scatter(long, [_exponential(value, width) for value in values.gather(long).to_list()])
     return text
+
+
+def _exponential(value: float, width: int) -> str:
+    """A real with its exponent and the digits that fit beside it."""
+    texts = (f"{value:.{digits}e}" for digits in range(width - len("1.e+00"), 0, -1))
+    return next(text for text in texts if len(text) <= width)
 
 
 def _pointed(text: Any) -> Any:
