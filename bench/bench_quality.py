@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.bench.measure import Peer, Place, Row, best_of, check, peer, time_peers
+from gpubspline.bench.measure import Peer, Place, Row, check, peer, time_beside
 from gpubspline.bench.recorder import Recorder
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import scaled_jacobian
@@ -63,8 +63,8 @@ def _row(place: Place, name: str, size: str, mesh: Mesh, vtk: Peer) -> Row:
     some = np.random.default_rng(4).integers(0, mesh.n_elements, 1000)
     tolerance = 1e-5 + ROUNDING * float(np.cbrt(mesh.n_nodes))
     check(f"{name} by its formula", values[some], by_formula(mesh, some), tolerance)
-    others = time_peers(name, values, tolerance, {"VTK": vtk})
-    seconds, floor = best_of(recorder.replay), BYTES[name] * mesh.n_elements / place.triad
+    seconds, others = time_beside(name, recorder.replay, values, tolerance, {"VTK": vtk})
+    floor = BYTES[name] * mesh.n_elements / place.triad
     return Row(name, size, place.device.name, seconds, mesh.n_elements, floor / seconds, others)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.bench.measure import Place, Row, best_of, time_peers
+from gpubspline.bench.measure import Peer, Place, Row, time_beside
 from gpubspline.bench.recorder import Recorder
 from gpubspline.ct.region import Region
 from gpubspline.mesh.distance import sample_distance
@@ -49,8 +49,9 @@ def rows(place: Place) -> Iterator[Row]:
     for order, indices in (("mesh order", ordered), ("random order", ordered[shuffled])):
         recorder, at = Recorder(place.device), indices[:, ::-1] @ region.affine[:3, :3].T + region.affine[:3, 3]
         values = sample_distance(region, at, recorder)
-        others = time_peers("resample", values, 2e-4, {"scipy.ndimage": partial(_scipy, region, indices)})
-        seconds, floor = best_of(recorder.replay), BYTES * len(at) / place.triad
+        peers: dict[str, Peer] = {"scipy.ndimage": partial(_scipy, region, indices)}
+        seconds, others = time_beside("resample", recorder.replay, values, 2e-4, peers)
+        floor = BYTES * len(at) / place.triad
         size = f"{len(at):,} points in {order}, {'x'.join(map(str, voxels[::-1]))} voxels"
         yield Row("resample", size, place.device.name, seconds, len(at), floor / seconds, others)
 

@@ -155,6 +155,23 @@ def time_peers(what: str, ours: Any, tolerance: float, peers: dict[str, Peer]) -
     return seconds
 
 
+def time_beside(
+    what: str, run: Run, ours: Any, tolerance: float, peers: dict[str, Peer]
+) -> tuple[float, dict[str, float | None]]:
+    """Compare each peer's result with ours, then time both in turn: least seconds of ``run``, and of each peer."""
+    seconds, others = best_of(run), dict[str, float | None]()
+    for name, prepare in peers.items():
+        try:
+            theirs, view = prepare()
+        except ImportError:
+            others[name] = None
+            continue
+        check(f"{what} as {name} has it", ours, view(theirs()), tolerance)
+        mine, others[name] = best_in_turn(run, theirs)
+        seconds = min(seconds, mine)
+    return seconds, others
+
+
 def peer(module: str) -> Any:
     """Import a peer; raises ImportError where it is not installed."""
     return importlib.import_module(module)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gpubspline.export.deck import Deck, NodalTable
 from gpubspline.export.deck_loads import DeckLoads
 from gpubspline.export.formats import Format
-from gpubspline.export.rows import REAL, chunks, texts, write_cells, write_members, write_reals, write_rows
+from gpubspline.export.rows import REAL, texts, write_cells, write_members, write_reals, write_rows
 from gpubspline.files import whole_file
 
 ELEMENT_TYPES = {"quad4": "S4", "quad8": "S8R", "hex8": "C3D8", "hex20": "C3D20"}
@@ -53,8 +53,8 @@ def _write_mesh(out: TextIO, deck: Deck) -> None:
     out.write("*NODE, NSET=all_nodes\n")
     write_reals(out, list(mesh.planes))
     out.write(f"*ELEMENT, TYPE={ELEMENT_TYPES[mesh.element_type]}, ELSET={deck.body}\n")
-    for elements in chunks(mesh.n_elements):
-        write_cells(out, mesh.cells_of(np.arange(elements.start, elements.stop)), elements.start + 1)
+    for first, cells in mesh.cell_blocks():
+        write_cells(out, cells, first + 1)
     for name, members in deck.node_sets.items():
         _write_set(out, "NSET", name, members)
     for name, members in deck.element_sets.items():
