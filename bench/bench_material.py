@@ -1,7 +1,7 @@
 """A law over nodal HU: density, modulus, Poisson's ratio and the piece used.
 
 Floors, a node: HU read and four values written, 20 bytes. Operations: comparisons with both ends of each piece, a
-multiplication and an addition for the density, and a power, which is a logarithm and an exponential: about 60. Held
+multiplication and an addition for the density, and a power, which is two polynomials: about 80 with two pieces. Held
 against ``triad``.
 """
 

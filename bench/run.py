@@ -115,7 +115,7 @@ def line(row: Row, before: Sequence[Row] = ()) -> str:
     size = row.size if row.peak_bytes is None else f"{row.size}, peak {row.peak_bytes / 1e9:.2f} GB"
     rate = "" if row.items == 1 else f"{_short(row.items / row.seconds)}/s"
     share = "" if row.bandwidth_fraction is None else f"{100 * row.bandwidth_fraction:.0f} %"
-    peers = ", ".join(f"{name} absent" if ratio is None else f"{name} {ratio:.3g}" for name, ratio in row.ratio.items())
+    peers = ", ".join(_against(name, ratio, row.bandwidth_fraction) for name, ratio in row.ratio.items())
     aim = ", ".join(map(str, aims(row, before)))
     return f"| {row.name} | {size} | {row.device} | {_time(row.seconds)} | {rate} | {share} | {peers} | {aim} |"
 
@@ -124,6 +124,13 @@ def tally(rows: Sequence[Row]) -> str:
     """How many of the aims of all rows are reached, in words; nothing where there are none."""
     found = [aim.reached for place, row in enumerate(rows) for aim in aims(row, rows[:place])]
     return f"{sum(found)} of {len(found)} aims are reached." if found else ""
+
+
+def _against(name: str, ratio: float | None, bandwidth_fraction: float | None) -> str:
+    """How many times faster than a peer, and how many times any program could be that moves the bytes."""
+    if ratio is None:
+        return f"{name} absent"
+    return f"{name} {ratio:.3g}" + ("" if bandwidth_fraction is None else f" of {ratio / bandwidth_fraction:.3g}")
 
 
 def _short(value: float) -> str:
