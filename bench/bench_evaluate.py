@@ -16,9 +16,9 @@ first two passes. The peer ``cubic 20x24x46`` is the paper's patch at as many no
 
 Peers: ``scipy float64`` is SciPy's sparse design matrices applied axis by axis as they come, 16 to 24 million nodes a
 second on two cores; ``scipy`` is the same idea in the fastest form found, of our own devising: float32, component
-planes, nothing transposed after the largest product, 200 million and more. No evaluation that writes its nodes to memory
-can be faster than a peer by more than the ratio over the share of bandwidth, which the table gives after ``of``: about
-ten times the fast form on two cores, whatever the kernel, and a hundred times the natural one.
+planes, nothing transposed after the largest product, 200 million and more. No evaluation that writes its nodes to
+memory can be faster than a peer by more than the ratio over the share of bandwidth, which the table gives after ``of``:
+about ten times the fast form on two cores, whatever the kernel, and a hundred times the natural one.
 """
 
 from collections.abc import Iterator
