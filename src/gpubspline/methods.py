@@ -28,6 +28,10 @@ BRIDGED = 0.05
 """Relative difference of volumes of mesh and region from which the tensor method warns."""
 
 
+MOST_BLOCKS = 1 << 26
+"""Hexes of a mesh of blocks: the grid that they are cut from has SAMPLES^3 points each, numbered by 32 bits."""
+
+
 @dataclass(frozen=True, eq=False)
 class Choice:
     """A method, why it was chosen, and what was made on the way."""
@@ -194,6 +198,9 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         raise InputError("expected no --optimize with blocks, whose nodes are moved to the best places already")
     if meshing.size_mm is not None and meshing.elements is not None:
         raise InputError("expected --size or --elements, got both")
+    asked = meshing.elements or body.region.volume_mm3 / max((meshing.size_mm or np.inf) ** 3, 1e-300)
+    if asked > MOST_BLOCKS:
+        raise InputError(f"expected at most {MOST_BLOCKS:,} hexes of blocks, got about {asked:.2g}: a larger --size")
     size = blocks_size(body.region, meshing, device)
     element = sampling.element_type or {1: "hex8", 2: "hex20"}.get(sampling.order, f"order {sampling.order}")
     if element not in ("hex8", "hex20", "hex27"):

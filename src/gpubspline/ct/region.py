@@ -17,6 +17,9 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Fill = Literal["slice", "volume", "none"]
 
+MOST_SMOOTHING = 100
+"""Voxels of a Gaussian's standard deviation; beyond it nothing of a body is left."""
+
 LEAST_LEVEL = 0.05
 """Least distance of a smoothed label from its boundary value at a voxel centre, in label units (0 to 1)."""
 
@@ -240,6 +243,8 @@ def _smooth(values: NDArray[Any], sigma: Floats) -> NDArray[np.float32]:
     """Gaussian of standard deviation ``sigma`` voxels along i, j, k, flat beyond the border."""
     if not sigma.any():
         return values
+    if sigma.max() > MOST_SMOOTHING:
+        raise InputError(f"expected a smoothing of at most {MOST_SMOOTHING} voxels, got {sigma.max():.3g}")
     image = sitk.GetImageFromArray(values)
     width = 2 * int(np.ceil(4 * sigma.max())) + 3
     smoothed = sitk.DiscreteGaussian(image, (sigma**2).tolist(), width, [0.001] * 3, False)

@@ -17,6 +17,7 @@ DEFAULT_SHAPE = (20, 24, 46)
 DEFAULT_SLICE_SHAPE = (60, 60)
 INSET = 0.01  # of the extent, and one voxel at most
 SMOOTHING = 1.5  # rows
+MOST_SMOOTHING = 100.0  # rows; beyond it nothing of a body's shape is left, and the filter takes for ever
 SLICE_SMOOTHING = 2 / 3  # of the rows' smoothing, in slices: they lie further apart
 LARGEST_DATA = 8e6  # points to fit to: 256 MB of x, y, z, HU
 ORDERS = {"linear": 1, "cubic": 3}
@@ -89,6 +90,8 @@ def control_lattice(
         raise InputError(f"expected the interpolation {' or '.join(ORDERS)}, got {interpolation!r}")
     if volume.hu.shape != region.distance_mm.shape:
         raise InputError(f"expected a region on the volume's grid {volume.hu.shape}, got {region.distance_mm.shape}")
+    if not 0 <= smoothing <= MOST_SMOOTHING:
+        raise InputError(f"expected a smoothing of 0 to {MOST_SMOOTHING:g} rows, got {smoothing:g}")
     slices = _slices(stack(region, axis), len(shape), axis, slice_index)
     _check_limits(shape, _limits(slices))
     points = slices.to_points(_lattice_indices(slices.distance_mm, shape, smoothing))

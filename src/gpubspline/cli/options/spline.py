@@ -30,12 +30,13 @@ class SplineOptions:
     def shaping(self, directions: int) -> Any:
         """What the pipeline fits."""
         from gpubspline.recipe import Shaping
+        from gpubspline.spline.lattice import MOST_SMOOTHING
 
         degree = integers(self.degree, "degree", (1, directions)) or (3,)
         control = integers(self.control, "control", (2,) if directions == 2 else (3, 4))
         shaping = Shaping(control, degree, self.fit, self.interpolation)
         if self.smooth_rows is None:
             return shaping
-        if not self.smooth_rows >= 0:
-            raise InputError(f"expected --smooth-rows of 0 or more, got {self.smooth_rows:g}")
+        if not 0 <= self.smooth_rows <= MOST_SMOOTHING:
+            raise InputError(f"expected --smooth-rows of 0 to {MOST_SMOOTHING:g}, got {self.smooth_rows:g}")
         return replace(shaping, row_smoothing=self.smooth_rows)
