@@ -200,7 +200,7 @@ def test_names_of_files_stay_in_the_log(cohort: Cohort, tmp_path: Path) -> None:
 
     def task(subject: Subject, folder: Path, device: str) -> dict[str, Any]:
         warnings.warn("left out 1 of 12 slices beside DOE^JANE.0001.dcm", GpubsplineWarning, stacklevel=1)
-        raise InputError(f"cannot read Doe, Jane.nii.gz and {subject.inputs[1]} of 12")
+        raise InputError(f"cannot read Doe, Jane.nii.gz and {subject.inputs[1]} of 12 in 1.2.840.113.7.42")
 
     series, image, out = tmp_path / "Doe", tmp_path / "Doe, Jane.nii.gz", tmp_path / "out"
     for folder in (series, out):
@@ -209,7 +209,7 @@ def test_names_of_files_stay_in_the_log(cohort: Cohort, tmp_path: Path) -> None:
         path.write_text("")
     subject = Subject("a", 2, (image, series), {}, (image, series))
     record = attempt(Order(subject, "print", out), task, "auto", "worker")
-    assert record.error == "cannot read FILE.nii.gz and DIR of 12"
+    assert record.error == "cannot read FILE.nii.gz and DIR of 12 in UID"
     assert record.warnings == ("left out 1 of 12 slices beside FILE.dcm",)
     assert "Doe" not in (out / "a" / "record.json").read_text()
     log = (out / "logs" / "a.txt").read_text()

@@ -1,5 +1,6 @@
 """One subject on one worker: its folder appears whole or not at all, and its log says what was tried."""
 
+import re
 import shutil
 import time
 import traceback
@@ -19,6 +20,9 @@ Task = Callable[[Subject, Path, str], dict[str, Any]]
 """Makes the model of a subject in a folder on a device, and gives its figures: a function that can be pickled."""
 
 STARTED = "started by"
+
+_UID = re.compile(r"(?<![\w.])[0-2](\.\d+){5,}")
+"""Of DICOM, which leads to a scan, and so to a patient."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +99,11 @@ def describe(error: BaseException) -> str:
 
 
 def _nameless(text: str, subject: Subject) -> str:
-    """Without the paths of a subject's files and the names of those in its folders, but for mere numbers."""
+    """Without the paths of a subject's files, the names of those in its folders, but for mere numbers, and UIDs."""
     files = [each for path in subject.files for each in (path.rglob("*") if path.is_dir() else [path])]
     said = [path for path in files if path.name in text and len(path.name) > 2 and any(map(str.isalpha, path.name))]
     names = {str(path): kind(path) for path in subject.files} | {path.name: kind(path) for path in said}
-    return without_names(text, names)
+    return _UID.sub("UID", without_names(text, names))
 
 
 def _one_line(text: str) -> str:
