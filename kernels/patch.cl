@@ -8,11 +8,11 @@
 
 // The sum over the degree + 1 functions of a span, written out for each degree: weights stay in registers then.
 #define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_out] : 0)
-#define SUM_1(term) (w0 * term(0) + w1 * term(1))
-#define SUM_2(term) (SUM_1(term) + w2 * term(2))
-#define SUM_3(term) (SUM_2(term) + w3 * term(3))
-#define SUM_4(term) (SUM_3(term) + w4 * term(4))
-#define SUM_5(term) (SUM_4(term) + w5 * term(5))
+#define SUM_1(w, term) (w##0 * term(0) + w##1 * term(1))
+#define SUM_2(w, term) (SUM_1(w, term) + w##2 * term(2))
+#define SUM_3(w, term) (SUM_2(w, term) + w##3 * term(3))
+#define SUM_4(w, term) (SUM_3(w, term) + w##4 * term(4))
+#define SUM_5(w, term) (SUM_4(w, term) + w##5 * term(5))
 
 // Calls what is defined for each degree by its number.
 #define FOR_DEGREE(call) \
@@ -41,7 +41,7 @@ __kernel void contract_rows(__global const real *source, int n_rows, int block, 
 #define CONTROL(a) source[a]
 #define ROWS(p)                                                         \
     for (; row < end; row++, source += n_control, target += n_out) \
-        *target = SUM_##p(CONTROL);
+        *target = SUM_##p(w, CONTROL);
     FOR_DEGREE(ROWS)
 }
 
@@ -60,8 +60,8 @@ void contract(__global const real *source, int n_control, int inner, __global co
         __global real *to = target + (outer * n_out + out) * inner;
         real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
 #define PLANE(a) load(from, i + (size_t)a * inner)
-#define CACHED(p) FOR_LANES(i, inner) store(SUM_##p(PLANE), to, i, inner - i);
-#define STREAMED(p) FOR_LANES(i, inner) stream(SUM_##p(PLANE), to, i, inner - i);
+#define CACHED(p) FOR_LANES(i, inner) store(SUM_##p(w, PLANE), to, i, inner - i);
+#define STREAMED(p) FOR_LANES(i, inner) stream(SUM_##p(w, PLANE), to, i, inner - i);
         if (large)
             FOR_DEGREE(STREAMED)
         else
@@ -115,7 +115,7 @@ inline void contract_lines(int n_control, __global const real *const *from, __gl
         __global const real *w = values + at;                    \
         real w0 = w[0], w1 = w[n_out], w2 = p > 1 ? w[2 * n_out] : 0, w3 = p > 2 ? w[3 * n_out] : 0; \
         real w4 = p > 3 ? w[4 * n_out] : 0, w5 = p > 4 ? w[5 * n_out] : 0; \
-        a##m = SUM_##p(PACKED);                                  \
+        a##m = SUM_##p(w, PACKED);                                  \
     }
 #define UNPACK(m) store_all(d##m, to##m, i);
 #define SUMMED_1(m) SUMMED(m, 1)
@@ -141,18 +141,46 @@ inline void sum_rows(int degree, __global const real *const *rows, __global cons
 #define ROW(a) load(r##a, i)
 #define KEPT(p)                               \
     for (int i = 0; i < count; i += LANES) \
-        store(SUM_##p(ROW), to, i, count - i);
+        store(SUM_##p(w, ROW), to, i, count - i);
 #define PAST(p)                                                        \
     {                                                                  \
         int i = 0, aligned = -((size_t)to / sizeof(real)) % LANES;     \
-        store(SUM_##p(ROW), to, 0, count);                             \
+        store(SUM_##p(w, ROW), to, 0, count);                             \
         for (i = aligned; i < count; i += LANES)                       \
-            stream(SUM_##p(ROW), to, i, count - i);                    \
+            stream(SUM_##p(w, ROW), to, i, count - i);                    \
     }
     if (large)
         FOR_DEGREE(PAST)
     else
         FOR_DEGREE(KEPT)
+}
+
+// The same for two parameters of one span: every row is read once for both.
+inline void sum_rows_twice(int degree, __global const real *const *rows, __global const real *values, int n_out,
+                           int count, __global real *to, size_t step)
+{
+    real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
+    values++;
+    real x0 = WEIGHT(0), x1 = WEIGHT(1), x2 = WEIGHT(2), x3 = WEIGHT(3), x4 = WEIGHT(4), x5 = WEIGHT(5);
+    __global const real *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5];
+#define BOTH(p)                                                        \
+    {                                                                  \
+        int i = 0, aligned = -((size_t)to / sizeof(real)) % LANES;     \
+        store(SUM_##p(w, ROW), to, 0, count);                          \
+        store(SUM_##p(x, ROW), to, step, count);                       \
+        for (i = aligned; i < count; i += LANES) {                     \
+            stream(SUM_##p(w, ROW), to, i, count - i);                 \
+            stream(SUM_##p(x, ROW), to, step + i, count - i);          \
+        }                                                              \
+    }
+    FOR_DEGREE(BOTH)
+}
+
+// The degree + 1 rows of a span in a ring of so many places, `size` apart.
+inline void find(int span, int degree, __global const real *ring, int places, size_t size, __global const real **rows)
+{
+    for (int a = 0; a <= MAX_DEGREE; a++)
+        rows[a] = ring + (span - degree + min(a, degree)) % places * size;
 }
 
 // All axes of a solid on a CPU: control (n_channels, n_w, n_v, n_u) -> target (n_channels, out_w, out_v, out_u).
@@ -199,24 +227,24 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                     }
                 for (int c = 0; c < n_channels; c++) {
                     __global const real *from[MAX_DEGREE + 1];
-                    for (int a = 0; a <= MAX_DEGREE; a++) {
-                        int at = span_v[j] - degree_v + min(a, degree_v);
-                        from[a] = rows + (at % n_rows * n_channels + c) * row_size;
-                    }
+                    find(span_v[j], degree_v, rows + c * row_size, n_rows, n_channels * row_size, from);
                     __global real *to = planes + (plane % n_planes * n_channels + c) * plane_size;
                     sum_rows(degree_v, from, values_v + j, out_v, row_size, to + (j - first_j) * out_u, false);
                 }
             }
         }
+        int twice = large && k + 1 < end_k && span_w[k + 1] == span_w[k];
         for (int c = 0; c < n_channels; c++) {
             __global const real *from[MAX_DEGREE + 1];
-            for (int a = 0; a <= MAX_DEGREE; a++) {
-                int at = span_w[k] - degree_w + min(a, degree_w);
-                from[a] = planes + (at % n_planes * n_channels + c) * plane_size;
-            }
+            find(span_w[k], degree_w, planes + c * plane_size, n_planes, n_channels * plane_size, from);
             __global real *to = target + (((size_t)c * out_w + k) * out_v + first_j) * out_u;
-            sum_rows(degree_w, from, values_w + k, out_w, (end_j - first_j) * out_u, to, large);
+            int count = (end_j - first_j) * out_u;
+            if (twice)
+                sum_rows_twice(degree_w, from, values_w + k, out_w, count, to, (size_t)out_v * out_u);
+            else
+                sum_rows(degree_w, from, values_w + k, out_w, count, to, large);
         }
+        k += twice;
     }
 }
 
