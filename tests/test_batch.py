@@ -107,6 +107,8 @@ def test_stiffness_is_of_a_spring_of_the_same_energy() -> None:
         ("subject,input,treshold\na,ct.npy,1\n", (), "'treshold'.*did you mean threshold"),
         ("subject,input,device\na,ct.npy,cpu\n", (), "'device'"),
         ("subject,input,threshold\na,ct.npy,high\n", (), "options of 'mesh' for a, line 2.*--threshold"),
+        ("subject,input,load,output\na,ct.npy,stance,a.inp\n", (), "an output to be solved, such as mesh.vtu, with"),
+        ("subject,input,load,output\na,ct.npy,stance,solved.vtu\n", (), "an output to be solved"),
         ("subject,input,tolerance\na,ct.npy,1e-3\n", (), "tolerance only together with a load for a"),
         ("subject,input\na,ct.npy\n", ("--workers", 0), "--workers of 1 or more"),
         ("subject,input\na,ct.npy\n", ("--workers", 1, "--scheduler", "tcp://x:1"), "--workers or --scheduler"),

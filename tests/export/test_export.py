@@ -253,6 +253,13 @@ def test_a_node_without_a_place_is_refused(extension, tmp_path):
             read_mesh(path)
 
 
+def test_a_mesh_in_metres_is_not_taken_for_one_in_millimetres_in_silence(tmp_path):
+    mesh = model("hex8").with_fields({"E_MPa": np.full(60, 5e3), "nu": np.full(60, 0.3)})
+    write(mesh, tmp_path / "m.vtu", units="m-N-Pa")
+    with pytest.warns(GpubsplineWarning, match=r"E_Pa\), and its lengths are taken for mm"):
+        write(read_mesh(tmp_path / "m.vtu"), tmp_path / "m.vts")
+
+
 def test_names_with_spaces_and_slashes(tmp_path):
     """ParaView's names are sentences; VTK's old format ends one at a space, and a slash is HDF5's own."""
     mesh = model("hex8")

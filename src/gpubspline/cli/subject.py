@@ -52,12 +52,24 @@ def check(subject: Subject, manifest: Path) -> None:
         for name in subject.options:
             if name not in _options("mesh"):
                 raise InputError(f"expected {name} only together with a load for {where}, got no load")
+    _check_solvable(subject, where)
     group: Any = typer.main.get_command(app)
     for command, *words in commands(subject, Path("folder"), "auto", {}):
         try:
             group.commands[command].make_context(command, list(words))
         except USAGE_ERROR as error:
             raise InputError(f"expected options of '{command}' for {where}, got: {error.format_message()}") from None
+
+
+def _check_solvable(subject: Subject, where: str) -> None:
+    """Raise ``InputError`` where a row has a load, and its mesh a format that ``solve`` cannot take it from."""
+    from gpubspline.export import find_format
+
+    output = subject.options.get("output", MESH)
+    if "load" in subject.options:
+        form = find_format(output)
+        if not (form.readable and form.fields) or output == SOLVED:
+            raise InputError(f"expected an output to be solved, such as {MESH}, with the load of {where}, got {output}")
 
 
 def commands(subject: Subject, folder: Path, device: str, settings: dict[str, str]) -> Iterator[list[str]]:

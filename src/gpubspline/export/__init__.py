@@ -16,7 +16,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export.deck import Wanted, make_deck
 from gpubspline.export.formats import Format as Format
 from gpubspline.export.read import read_mesh as read_mesh
-from gpubspline.export.units import DEFAULT_UNITS, find_units
+from gpubspline.export.units import DEFAULT_UNITS, UNITS, find_units
 from gpubspline.files import check_writable
 from gpubspline.material.laws import Law
 from gpubspline.material.orthotropy import is_orthotropic
@@ -130,12 +130,22 @@ def write(
     form.check_elements(known, mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
+    _warn_of_units(mesh)
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)
     asked_for = Wanted(find_units(units), law, modulus_bins, nodal_modulus, case, thickness_mm, step)
     deck = make_deck(mesh, form, asked_for)
     _warn_of_lost(mesh, form, known)
     form.write(deck, path)
     return deck.figures
+
+
+def _warn_of_units(mesh: Mesh) -> None:
+    """Warn where a mesh was written in another system of units and read again: files do not tell what a length is."""
+    endings = tuple(f"_{unit}" for each in UNITS.values() if each.per_mm != 1 for unit in (each.stress, each.density))
+    found = [name for name in (*mesh.fields, *mesh.cell_fields) if name.endswith(endings)]
+    if found:
+        words = f"the mesh has fields in other units than MPa and g/cm3 ({', '.join(found)}), and its lengths are taken"
+        warnings.warn(f"{words} for mm: export the mesh that it was made from", GpubsplineWarning, stacklevel=3)
 
 
 def _warn_of_lost(mesh: Mesh, form: Format, known: str) -> None:
