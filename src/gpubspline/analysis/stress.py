@@ -46,8 +46,8 @@ MAXIMUM_ANYWHERE = "greatest von Mises stress at the Gauss points of all element
 FILLED = 0.25
 """Share of a ball that must lie in the body: half of it does at a flat surface, less where elements cut it off."""
 
-PERCENTILE = "von Mises stress that 99 % of the volume does not exceed, all Gauss points"
-"""What ``p99_von_mises_mpa`` is."""
+PERCENTILE = "von Mises stress that 99 % of the volume does not exceed, at all Gauss points, next to supports too"
+"""What ``p99_von_mises_mpa`` is; a maximum of means away from supports and forces can be less."""
 
 _ELEMENTS = 1 << 12
 """Elements at a time, whose planes fit a processor's cache."""

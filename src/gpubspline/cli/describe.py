@@ -207,7 +207,8 @@ def response_lines(figures: dict[str, Any]) -> list[str]:
         f"moved      at most {figures['max_displacement_mm']:.4g} mm; strain energy "
         f"{figures['strain_energy_nmm']:.5g} N mm",
         f"stress     von Mises at most {figures['max_von_mises_mpa']:.5g} MPa, at {at} mm;",
-        f"{_UNDER}{figures['p99_von_mises_mpa']:.5g} MPa is not exceeded by 99 % of the volume",
+        f"{_UNDER}{figures['p99_von_mises_mpa']:.5g} MPa is not exceeded by 99 % of the volume, at points, next to "
+        "supports and forces too",
         *textwrap.wrap(
             f"at most: the {figures['max_von_mises_is']}", 108, initial_indent=_UNDER, subsequent_indent=_UNDER
         ),
