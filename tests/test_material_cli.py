@@ -53,11 +53,15 @@ def test_gauss_mapping_as_vts(run: Command, child: Path, tmp_path: Path) -> None
 
 def test_depth_changes_the_surface(run: Command, child: Path, tmp_path: Path) -> None:
     hu = []
-    for name, depth in (("a.vtu", []), ("b.vtu", ["--surface-depth", "2"])):
-        assert run("mesh", child, "-o", tmp_path / name, *FEMUR, *depth)[0] == 0
-        hu.append(meshio.read(tmp_path / name).point_data["HU"])
+    for how in (["--partial-volume", "none"], ["--surface-depth", "2"], []):
+        status, out, _ = run("mesh", child, "-o", tmp_path / "m.vtu", *FEMUR, *how)
+        assert status == 0 and ("folded back in" in out) == (not how) and ("2 mm inside" in out) == ("2" in how)
+        assert ("--partial-volume fold gives them their own" in out) == ("none" in how)
+        hu.append(meshio.read(tmp_path / "m.vtu").point_data["HU"])
     changed = hu[0] != hu[1]
     assert 0.1 < changed.mean() < 0.9 and np.median(hu[1][changed]) > np.median(hu[0][changed])
+    folded = hu[0] != hu[2]
+    assert 0.1 < folded.mean() < 0.95 and np.median(hu[2][folded]) > np.median(hu[0][folded]) + 100
 
 
 def test_laws_say_where_they_jump_and_what_is_unconfirmed(run: Command) -> None:
@@ -74,6 +78,8 @@ def test_laws_say_where_they_jump_and_what_is_unconfirmed(run: Command) -> None:
         (["--mapping", "voxel"], "mapping of nodal, gauss, element-hu, element-e, got 'voxel'"),
         (["--surface-depth", "-1"], "positive depth below the surface"),
         (["--floor-modulus", "3"], "--floor-modulus with --out-of-range floor, got clamp"),
+        (["--partial-volume", "mirror"], "treatment fold or none, got 'mirror'"),
+        (["--partial-volume", "fold", "--surface-depth", "1"], "--partial-volume fold or --surface-depth, got both"),
         (["--quadrature", "3"], "element-hu or element-e alone"),
         (["--law", "hooke"], "material law of wirtz-2000"),
     ],

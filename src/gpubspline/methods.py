@@ -19,7 +19,7 @@ from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
 from gpubspline.mesh.element_size import default_size, size_for
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
-from gpubspline.spline.lattice import SMOOTHING, sample_hu
+from gpubspline.spline.lattice import SMOOTHING, surface_hu
 from gpubspline.spline.reformat import stack
 
 METHODS = ("auto", "tensor", "butterfly", "blocks")
@@ -157,6 +157,7 @@ def _patches(body: Body, shaping: Shaping, axis: str, device: Device) -> Butterf
     if len(set(shaping.degree)) > 1:
         raise InputError(f"expected one degree for a butterfly, got {shaping.degree}")
     options: dict[str, Any] = {"axis": axis, "degree": degree, "interpolation": shaping.interpolation}
+    options["partial_volume"] = body.partial_volume
     return butterfly(
         body.region,
         body.volume,
@@ -214,7 +215,9 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
             label[mesh.element_sets[name]] = number
         mesh = mesh.with_cell_fields({"label": label})
     if body.volume is not None:
-        mesh = mesh.with_fields({"HU": sample_hu(body.volume, mesh.points).astype(mesh.points.dtype)})
+        points = mesh.points.astype(np.float64)
+        hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
+        mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
     return Meshed(mesh, made.report.to_dict())
 
 

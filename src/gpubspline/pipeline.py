@@ -41,6 +41,7 @@ def fit_body(body: Body, source: Source, shaping: Shaping, device: Device, clock
         shape = shaping.control or default_shape(region, source.axis, only)
         laid = data_shape(region, source.axis, only) if shaping.fit == "least-squares" else shape
         options: dict[str, Any] = {"axis": source.axis, "slice_index": only, "interpolation": shaping.interpolation}
+        options["partial_volume"] = body.partial_volume
         lattice = control_lattice(volume, region, laid, smoothing=shaping.row_smoothing, **options)
     with clock.stage("fit"):
         degree = shaping.degree * len(shape) if len(shaping.degree) == 1 else shaping.degree
@@ -67,9 +68,8 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
     with clock.stage("material"):
         if "HU" in mesh.fields:
             sampling, calibrated = calibrate(sampling, body)
-            volume, region = (None, None) if body is None else (body.volume, body.region if body.one_grid else None)
-            law = sampling.law
-            mesh, alarms = assign(mesh, law, sampling.mapping, volume=volume, region=region, device=device)
+            law, scan = sampling.law, _scan(sampling, body)
+            mesh, alarms = assign(mesh, law, device=device, **scan)
         parted = "label" in mesh.cell_fields  # by the mesher, along the labels' boundaries
         if body is not None and body.labels is not None and body.whole is not None and not parted:
             mesh = with_label_sets(mesh, body.labels, body.whole, device)
@@ -88,10 +88,17 @@ def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: B
 def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
     """Sample a hyperpatch and map the material onto it, and no more: what a solve needs."""
     sampling, _ = calibrate(sampling, body)
-    volume, region = (None, None) if body is None else (body.volume, body.region)
     nodes = sampling.nodes or patch.shape
     mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
-    return assign(mesh, sampling.law, sampling.mapping, volume=volume, region=region, device=device)[0]
+    return assign(mesh, sampling.law, device=device, **_scan(sampling, body))[0]
+
+
+def _scan(sampling: Sampling, body: Body | None) -> dict[str, Any]:
+    """Keywords of ``assign``: the mapping, and what it reads near the surface and compares the mass with."""
+    if body is None:
+        return {"mapping": sampling.mapping}
+    mapping = replace(sampling.mapping, partial_volume=body.partial_volume)
+    return {"mapping": mapping, "volume": body.volume, "region": body.region}
 
 
 def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrated | None]:

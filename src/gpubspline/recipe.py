@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gpubspline.ct.labels import Labels
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
@@ -24,7 +22,7 @@ from gpubspline.spline.lattice import SMOOTHING
 
 @dataclass(frozen=True)
 class Source:
-    """Where the CT is, which part of it, and what in it is the body."""
+    """Where the CT is, which part of it, what in it is the body, and how HU near its surface is read."""
 
     path: str | Path | Sequence[str | Path]
     threshold_hu: float | None = None
@@ -37,6 +35,7 @@ class Source:
     axis: str = "z"
     fill: str | None = None
     smoothing_mm: float | None = None
+    partial_volume: str = "fold"
     reading: dict[str, Any] = field(default_factory=dict)
 
 
@@ -92,6 +91,7 @@ class Body:
     region: the body.
     threshold_hu: what separated it; None where a mask or a surface did.
     labels: of a segmentation on the grid of ``whole``, by which elements are gathered in sets; or None.
+    partial_volume: how HU near the surface is read, one of ``ct.partial_volume.TREATMENTS``.
     """
 
     whole: Volume | None
@@ -99,15 +99,12 @@ class Body:
     region: Region
     threshold_hu: float | None
     labels: Labels | None = None
+    partial_volume: str = "fold"
 
     @property
     def one_grid(self) -> bool:
         """Whether the scan and the region lie on one grid."""
-        return (
-            self.volume is not None
-            and self.volume.hu.shape == self.region.mask.shape
-            and bool(np.allclose(self.volume.affine, self.region.affine))
-        )
+        return self.volume is not None and self.region.is_on(self.volume)
 
 
 @dataclass(frozen=True, eq=False)

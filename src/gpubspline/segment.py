@@ -47,12 +47,14 @@ def find_body(source: Source, clock: Clock) -> Body:
             options["smoothing_mm"] = source.smoothing_mm
             if mask.coverage is not None:
                 options["coverage"] = mask.coverage[window.slices]
-            return Body(whole, volume, region_from_mask(volume, mask.inside[window.slices], **options), None, labels)
+            region = region_from_mask(volume, mask.inside[window.slices], **options)
+            return Body(whole, volume, region, None, labels, source.partial_volume)
         threshold = source.threshold_hu
         if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
-        return Body(whole, volume, region_from_threshold(volume, threshold, **options), threshold, labels)
+        region = region_from_threshold(volume, threshold, **options)
+        return Body(whole, volume, region, threshold, labels, source.partial_volume)
 
 
 def find_surface_body(
@@ -74,7 +76,7 @@ def find_surface_body(
         region = region_from_surface(surface, device, spacing_mm=None if size is None else size / SAMPLES)
         if size is None and default_size(region) / SAMPLES < 0.8 * float(region.spacing_mm.min()):
             region = region_from_surface(surface, device, spacing_mm=default_size(region) / SAMPLES)
-    return Body(whole, whole, region, None)
+    return Body(whole, whole, region, None, partial_volume=source.partial_volume)
 
 
 def _check_overlap(surface: Surface, volume: Volume, name: str) -> None:

@@ -11,9 +11,10 @@ from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.export.vts import VtsWriter, write_slab
-from gpubspline.material.alarms import add_alarms, voxel_mass_g
+from gpubspline.material.alarms import add_alarms
 from gpubspline.material.assign import nodal_alarms
 from gpubspline.material.mapping import apply_material, law_on_device
+from gpubspline.material.voxel_mass import voxel_mass_g
 from gpubspline.mesh.distance import distances, flat_axes
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.slabs import SLAB_NODES, Slab, sample_slabs
@@ -63,11 +64,13 @@ def stream_patch(
             with clock.stage("write"):
                 write_slab(writer, replace(slab, mesh=mesh))
                 clock.advance(slab.last, nodes[2] - 1)
-    mass = None
+    mass, treatment = None, None
     if body is not None and body.volume is not None:
+        treatment = body.partial_volume
         with clock.stage("material"):
-            mass = voxel_mass_g(body.volume, body.region, law_on_device(law, device, **policy), device)
-    return Model(coarse.mesh, add(parts), sampling, law, add_alarms(alarms, mass), calibrated)
+            there = law_on_device(law, device, **policy)
+            mass = voxel_mass_g(body.volume, body.region, there, device, partial_volume=treatment)
+    return Model(coarse.mesh, add(parts), sampling, law, add_alarms(alarms, mass, treatment), calibrated)
 
 
 def _next(slabs: Iterator[Slab], clock: Clock) -> Slab | None:

@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from gpubspline.material.alarms import MASS_TOLERANCE
+from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice
 from gpubspline.material.density import conversions
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import DEFAULT_LAW
@@ -85,7 +85,8 @@ def _wrapped(text: str) -> list[str]:
 
 def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
     of, depth, order = alarms["of"], alarms["surface_depth_mm"], alarms["order_difference"]
-    inside = "" if depth is None else f", the surface read {depth:g} mm inside"
+    inside = ", what the scan spread over the surface folded back in" if alarms["partial_volume"] == "fold" else ""
+    inside = inside if depth is None else f", the surface read {depth:g} mm inside"
     low, high = law["range_hu"]
     lines = [
         f"mapping    {alarms['mapping']}{inside}, by the law {law['name']}",
@@ -102,8 +103,11 @@ def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
     if mass["difference"] is not None:
         lines.append(
             f"{_UNDER}mass of the mesh {mass['mesh']:.4g} g, of the voxels {mass['voxels']:.4g} g: "
-            f"{mass['difference']:+.2%}" + (", more than 1 %" if abs(mass["difference"]) > MASS_TOLERANCE else "")
+            f"{mass['difference']:+.2%}"
         )
+        if abs(mass["difference"]) > MASS_TOLERANCE:
+            lines[-1] += ", more than 1 %:"
+            lines += _wrapped(mass_advice(alarms))
     if order is not None:
         lines.append(
             f"{_UNDER}element-hu and element-e differ by {order['mean']:.1%} of the modulus on average, "

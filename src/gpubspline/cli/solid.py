@@ -42,7 +42,7 @@ def find_model(
             patch, body = load_model(source[0]), None
     else:
         shaping = spline.shaping(3 if region.slice_index is None else 2)
-        fitted = pipeline.fit_patch(region.source(source, read, spline.axis), shaping, device, clock)
+        fitted = pipeline.fit_patch(region.source(source, read, spline, sampled.surface_depth), shaping, device, clock)
         patch, body = fitted.fit.patch, fitted.body
     model = pipeline.sample_patch(patch, sampled.sampling(), device, clock, body)
     return Solid(model.mesh, None if body is None else body.volume, model.law)

@@ -55,6 +55,10 @@ class Region:
         if not self.mask.any():
             raise InputError("expected a region of at least one voxel, got none")
 
+    def is_on(self, volume: Volume) -> bool:
+        """Whether it lies on the grid of a volume."""
+        return volume.hu.shape == self.mask.shape and bool(np.allclose(volume.affine, self.affine))
+
     @property
     def shape(self) -> tuple[int, int, int]:
         """Voxels along i, j, k."""

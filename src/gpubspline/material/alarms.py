@@ -7,13 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.ct.region import Region
-from gpubspline.ct.sampler import hu_sampler
-from gpubspline.ct.volume import Volume
-from gpubspline.device import Device
-from gpubspline.material.inset import inset
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import LawOnDevice
 
 NEAR_ZERO_MPA = 10.0
 """A modulus below this is softer than the bone that any of the laws was fitted to: marrow, air, or a wrong unit."""
@@ -38,6 +32,8 @@ class Alarms:
     mass_voxels_g: the same law over the region's voxels; None without the CT.
     order_difference: of ``element-hu`` and ``element-e`` from each other, relative: mean by volume, and greatest.
     surface_depth_mm: how far inside the HU of the surface was read.
+    partial_volume: what was done with the part of the surface's HU that is what lies outside, one of
+        ``partial_volume.TREATMENTS``; None where it is not known.
     """
 
     mapping: str
@@ -50,6 +46,7 @@ class Alarms:
     mass_voxels_g: float | None = None
     order_difference: tuple[float, float] | None = None
     surface_depth_mm: float | None = None
+    partial_volume: str | None = None
 
     @property
     def mass_difference(self) -> float | None:
@@ -64,6 +61,7 @@ class Alarms:
         return {
             "mapping": self.mapping,
             "surface_depth_mm": self.surface_depth_mm,
+            "partial_volume": self.partial_volume,
             "of": self.of,
             "count": self.count,
             "outside_law": self.outside / self.count,
@@ -87,7 +85,9 @@ def count_alarms(
     return Alarms(mapping, of, piece.size, outside, beyond, soft, **others)
 
 
-def add_alarms(parts: Sequence[Alarms], mass_voxels_g: float | None = None) -> Alarms:
+def add_alarms(
+    parts: Sequence[Alarms], mass_voxels_g: float | None = None, partial_volume: str | None = None
+) -> Alarms:
     """Alarms of a mesh from those of its parts, which were mapped alike."""
     first = parts[0]
     beyond = [part.beyond_specimens for part in parts if part.beyond_specimens is not None]
@@ -101,85 +101,17 @@ def add_alarms(parts: Sequence[Alarms], mass_voxels_g: float | None = None) -> A
         sum(part.near_zero for part in parts),
         sum(masses) if masses else None,
         mass_voxels_g,
+        partial_volume=partial_volume,
     )
 
 
-def voxel_mass_g(
-    volume: Volume, region: Region, law: LawOnDevice, device: Device, surface_depth_mm: float | None = None
-) -> float:
-    """Mass of a region by its voxels: the density that the law gives each, times its part inside.
-
-    A voxel that the boundary crosses counts by the part of its width along the boundary's normal that lies inside;
-    those at the border of the scan count half, since neither region nor mesh goes beyond their centres.
-
-    Arguments
-    ---------
-    volume, region: on one grid.
-    surface_depth_mm: voxels nearer to the surface take their HU from this far inside, as the mesh does; else a voxel
-        that is half air counts its half of a density that is half air's, too.
-    """
-    part = _parts_inside(region)
-    inside = np.flatnonzero(part)
-    hu, total = volume.hu.reshape(-1), 0.0
-    if surface_depth_mm is not None:
-        hu = _read_from_inside(volume, region, inside, surface_depth_mm, device)
-    size = min(_CHUNK, inside.size)
-    rho, modulus, poisson = device.empty(size), device.empty(size), device.empty(size)
-    piece = device.empty(size, np.int32)
-    for first in range(0, inside.size, _CHUNK):
-        voxels = inside[first : first + _CHUNK]
-        law.launch(device.put(hu[voxels].astype(device.real)), voxels.size, rho, modulus, poisson, piece)
-        density = device.get(rho)[: voxels.size]
-        total += float(np.dot(part.reshape(-1)[voxels], density.astype(np.float64)))
-    return total * volume.voxel_mm3 / 1000
-
-
-_CHUNK = 1 << 22
-
-
-def _read_from_inside(
-    volume: Volume, region: Region, inside: NDArray[Any], depth_mm: float, device: Device
-) -> NDArray[np.float32]:
-    """HU of all voxels, flat, those of ``inside`` near the surface read at the depth."""
-    hu = volume.hu.reshape(-1).astype(np.float32)
-    near = inside[region.distance_mm.reshape(-1)[inside] > -depth_mm]
-    if near.size:
-        k, j, i = np.unravel_index(near, volume.hu.shape)
-        points = volume.to_points(np.stack([i, j, k], axis=1))
-        moved = inset(region, depth_mm, points, device).move(points)
-        hu[near] = hu_sampler(volume, moved, device).at(moved)
-    return hu
-
-
-def _parts_inside(region: Region) -> NDArray[np.float32]:
-    """Part (n_k, n_j, n_i) of each voxel that is inside."""
-    part = region.mask.astype(np.float32)
-    widest = float(region.spacing_mm.sum()) / 2  # half a voxel's width across its diagonal, at the most
-    k, j, i = np.nonzero(np.abs(region.distance_mm) < widest)
-    near = region.distance_mm[k, j, i]
-    width = _width_mm(region, (k, j, i))
-    part[k, j, i] = np.clip(0.5 - near / width, 0, 1)
-    for axis, size in enumerate(part.shape):
-        if size > 1:
-            along = np.moveaxis(part, axis, 0)
-            along[0] *= 0.5
-            along[-1] *= 0.5
-    return part
-
-
-def _width_mm(region: Region, at: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
-    """Width (n,) of voxels along the gradient of the distance, mm: the projections of their edges added up."""
-    slopes = []
-    for axis, index in enumerate(at):
-        steps = []
-        for step in (1, -1):
-            moved = list(at)
-            moved[axis] = np.clip(index + step, 0, region.mask.shape[axis] - 1)
-            steps.append((region.distance_mm[tuple(moved)].astype(np.float64), moved[axis]))
-        (high, last), (low, first) = steps
-        slopes.append((high - low) / np.maximum(last - first, 1))
-    # the gradient along an index axis is the distance's change over that edge: slope . edge of the unit normal
-    gradient = np.stack(slopes[::-1])  # along i, j, k
-    normal = np.linalg.inv(region.affine[:3, :3]).T @ gradient
-    length = np.maximum(np.linalg.norm(normal, axis=0), 1e-6)
-    return np.asarray(np.maximum(np.abs(gradient).sum(axis=0) / length, 1e-6))
+def mass_advice(alarms: dict[str, Any]) -> str:
+    """Why the mass of a mesh is not the voxels', and what would mend it, of ``Alarms.to_dict``."""
+    if alarms["partial_volume"] == "none" and alarms["surface_depth_mm"] is None:
+        return "HU on the surface are half of what lies outside; --partial-volume fold gives them their own"
+    if alarms["mapping"] == "nodal":
+        return (
+            "HU are interpolated between nodes and control points: more of them or --mapping element-e mend it, unless "
+            "mesh and region differ in volume"
+        )
+    return "mesh and region differ in volume, or the quadrature is too coarse"

@@ -6,18 +6,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.ct.partial_volume import check_treatment, folding
 from gpubspline.ct.region import Region
 from gpubspline.ct.sampler import hu_sampler
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
-from gpubspline.material.alarms import Alarms, count_alarms, voxel_mass_g
+from gpubspline.material.alarms import Alarms, count_alarms
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
 from gpubspline.material.mapping import LawOnDevice, Material, apply_material, law_on_device
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.registry import law as find_law
+from gpubspline.material.voxel_mass import voxel_mass_g
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quadrature import integral
 
@@ -34,12 +36,15 @@ class Mapping:
     ----------
     how: one of ``MAPPINGS``.
     surface_depth_mm: HU of what lies nearer than this to the body's surface is read this far inside; None reads it
-        where it lies.
+        where it lies, or as ``partial_volume`` says.
     points: quadrature points per direction of ``element-hu`` and ``element-e``; chosen by the size of elements and
         voxels where None.
     transverse: law of the modulus across the elements' w, where the other is that along it; makes them orthotropic
         (``orthotropy.py``) with ``element-hu`` or ``element-e``.
     policy: keywords of ``map_material``: ``policy``, ``floor_modulus_mpa``, ``floor_poisson``.
+    partial_volume: one of ``ct.partial_volume.TREATMENTS``: ``"fold"`` gives HU near the surface, where the CT is
+        read, what the scan spread outside of it; nodes have it already where their HU was read so. ``"none"``, as a
+        depth does, leaves HU as they lie.
 
     Raises
     ------
@@ -51,11 +56,13 @@ class Mapping:
     points: int | None = None
     transverse: Law | None = None
     policy: dict[str, Any] = field(default_factory=dict)
+    partial_volume: str = "fold"
 
     def __post_init__(self) -> None:
         """Check once, at the door."""
         if self.how not in MAPPINGS:
             raise InputError(f"expected a mapping of {', '.join(MAPPINGS)}, got {self.how!r}")
+        check_treatment(self.partial_volume)
         if self.surface_depth_mm is not None and not 0 < self.surface_depth_mm < np.inf:
             raise InputError(f"expected a positive depth below the surface in mm, got {self.surface_depth_mm:g}")
         if self.points is not None and not 1 <= self.points <= 64:
@@ -66,6 +73,11 @@ class Mapping:
             )
         if self.transverse is not None and not self.how.startswith("element"):
             raise InputError(f"expected a transverse law with element-hu or element-e, got the mapping {self.how}")
+
+    @property
+    def treatment(self) -> str:
+        """Of the partial volume: a depth leaves nothing to fold."""
+        return "none" if self.surface_depth_mm is not None else self.partial_volume
 
 
 def assign(
@@ -84,8 +96,9 @@ def assign(
     mesh: with the nodal field ``"HU"``; hexes or quads.
     law: the paper's, ``DEFAULT_LAW``, unless told.
     mapping: the paper's, at nodes, unless told.
-    volume, region: the CT and the body in it, on one grid. ``element-hu``, ``element-e`` and ``gauss`` integrate the
-        CT itself; without it the HU that is interpolated from the nodes.
+    volume, region: the CT and the body in it; on one grid the mesh's mass is compared with the voxels'.
+        ``element-hu``, ``element-e`` and ``gauss`` integrate the CT itself; without it the HU that is interpolated from
+        the nodes.
     device: where to compute; ``open_device()`` unless told.
 
     Returns
@@ -108,10 +121,12 @@ def assign(
     mapped, alarms = (_nodal if mapping.how == "nodal" else _elements)(
         mesh, law, there, mapping, volume, region, device
     )
-    mass = None
-    if volume is not None and region is not None and mesh.element.dimension == 3:
-        mass = voxel_mass_g(volume, region, there, device, mapping.surface_depth_mm)
-    return mapped, replace(alarms, mass_voxels_g=mass, surface_depth_mm=mapping.surface_depth_mm)
+    mass, depth, treatment = None, mapping.surface_depth_mm, None
+    if volume is not None and region is not None:
+        treatment = mapping.treatment
+        if mesh.element.dimension == 3 and region.is_on(volume):
+            mass = voxel_mass_g(volume, region, there, device, depth, partial_volume=treatment)
+    return mapped, replace(alarms, mass_voxels_g=mass, surface_depth_mm=depth, partial_volume=treatment)
 
 
 def _nodal(
@@ -163,15 +178,18 @@ def _elements(
 ) -> tuple[Mesh, Alarms]:
     if "HU" not in mesh.fields and volume is None:
         raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
-    deep = None
+    deep, fold = None, None
     if mapping.surface_depth_mm is not None and region is not None:
         deep = inset(region, mapping.surface_depth_mm, mesh.points, device)
+    elif mapping.treatment == "fold" and region is not None and volume is not None:
+        fold = folding(volume, region, mesh.points, device)
     spacing = None if volume is None else volume.spacing_mm
     gauss = mapping.how == "gauss"
     how: dict[str, Any] = {
         "order": "element-hu" if mapping.how == "element-hu" else "element-e",
         "sampler": None if volume is None else hu_sampler(volume, mesh.points, device),
         "inset": deep,
+        "fold": fold,
         "points": mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
         "device": device,
     }

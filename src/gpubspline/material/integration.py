@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.ct.partial_volume import Folding
 from gpubspline.ct.sampler import Sampler
 from gpubspline.device import Buffer, Device
 from gpubspline.material.inset import Inset
@@ -88,6 +89,7 @@ def integrate(
     order: str,
     sampler: Sampler | None = None,
     inset: Inset | None = None,
+    fold: Folding | None = None,
     points: int = 2,
     keep_gauss: bool = False,
     device: Device,
@@ -101,11 +103,12 @@ def integrate(
     order: ``"element-hu"``, the law of the mean HU, or ``"element-e"``, the mean of the law.
     sampler: HU of the CT; the nodal field is interpolated where None.
     inset: moves the places where the CT is read away from the surface.
+    fold: gives HU near the surface what the scan spread outside.
     points: per direction.
     keep_gauss: keep the fields at the quadrature points, too.
     """
     rule = quadrature(mesh.element, points, device)
-    work = _Work(mesh, law, rule, sampler, inset, keep_gauss)
+    work = _Work(mesh, law, rule, sampler, inset, fold, keep_gauss)
     parts = [work.chunk(elements) for elements in rule.chunks(mesh.n_elements)]
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0] if "mass" not in name}
     first, other = ("mean", "of_mean") if order == "element-e" else ("of_mean", "mean")
@@ -134,10 +137,11 @@ class _Work:
         rule: Quadrature,
         sampler: Sampler | None,
         inset: Inset | None,
+        fold: Folding | None,
         keep_gauss: bool,
     ) -> None:
         self.mesh, self.law, self.rule, self.device, self.keep_gauss = mesh, law, rule, rule.device, keep_gauss
-        self.sampler, self.inset, device = sampler, inset, rule.device
+        self.sampler, self.inset, self.fold, device = sampler, inset, fold, rule.device
         middle = mesh.planes.mean(axis=1, dtype=np.float64) if sampler is None else sampler.middle
         self.nodal = device.put((mesh.planes - middle[:, None]).astype(device.real))
         self.nodal_hu = None if sampler else device.put(mesh.fields["HU"].astype(device.real))
@@ -151,7 +155,7 @@ class _Work:
         m, g, nodes = elements.stop - elements.start, self.rule.n_points, nodes_of(self.mesh, elements, self.device)
         *places, volume, hu, density, modulus, poisson = self.at_points
         self.rule.places(self.nodal, self.mesh.n_nodes, nodes, m, places, volume)
-        self._read_hu(nodes, m, places, hu)
+        hu = self._read_hu(nodes, m, places, hu)
         mean_hu, mean_density, mean_modulus, mean_poisson, *of_mean = self.of_elements
         self.law.launch(hu, g * m, density, modulus, poisson, self.pieces[0])
         pairs = ((hu, mean_hu), (density, mean_density), (modulus, mean_modulus), (poisson, mean_poisson))
@@ -173,15 +177,24 @@ class _Work:
                 found[name] = self._get(buffer, shape[0] * m).reshape(shape)
         return found
 
-    def _read_hu(self, nodes: Buffer, m: int, places: list[Buffer], hu: Buffer) -> None:
+    def _read_hu(self, nodes: Buffer, m: int, places: list[Buffer], hu: Buffer) -> Buffer:
+        """HU at the quadrature points, in ``hu`` or in a buffer of their own."""
         count = self.rule.n_points * m
         if self.sampler is None:
-            return self.rule.interpolate(self.nodal_hu, nodes, m, hu)
+            self.rule.interpolate(self.nodal_hu, nodes, m, hu)
+            return hu
         if self.inset is not None:
-            points = np.stack([self._see(place, count) for place in places], axis=1) + self.sampler.middle
-            moved = self.inset.move(points) - self.sampler.middle
+            moved = self.inset.move(self._points(places, count)) - self.sampler.middle
             places = [self.device.put(plane) for plane in np.ascontiguousarray(moved.T)]
-        return self.sampler.launch(places[0], places[1], places[2], count, hu)
+        self.sampler.launch(places[0], places[1], places[2], count, hu)
+        if self.fold is None:
+            return hu
+        whole = self._see(hu, count) + self.fold.correction(self._points(places, count))
+        return self.device.put(whole.astype(self.device.real))
+
+    def _points(self, places: list[Buffer], count: int) -> NDArray[np.float64]:
+        assert self.sampler is not None
+        return np.stack([self._see(place, count) for place in places], axis=1) + self.sampler.middle
 
     def _see(self, buffer: Buffer, count: int) -> NDArray[Any]:
         """The first values of a buffer, until it is written again."""

@@ -42,7 +42,7 @@ class Workshop:
         """Give the hyperpatch of a phantom or of one of its slices, by the paper's method."""
         key = (phantom, control, slice_index)
         if key not in self._fitted:
-            source = Source(self.scan(phantom), slice_index=slice_index)
+            source = Source(self.scan(phantom), slice_index=slice_index, partial_volume="none")  # as the paper
             self._fitted[key] = fit_patch(source, Shaping(control=control), self.device, Clock())
         return self._fitted[key]
 

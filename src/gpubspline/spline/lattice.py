@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from gpubspline.ct.partial_volume import check_treatment, folding
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
+from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.spline.reformat import Stack, stack
 from gpubspline.spline.spans import Floats, blend, fill_gaps, inset, row_spans, tips
@@ -61,6 +63,7 @@ def control_lattice(
     slice_index: int | None = None,
     interpolation: str = "linear",
     smoothing: float = SMOOTHING,
+    partial_volume: str = "fold",
 ) -> ControlLattice:
     """Lay a control lattice through the region by row spans (section 3.1 and Fig. 2 of the paper).
 
@@ -80,6 +83,8 @@ def control_lattice(
     interpolation: ``"linear"`` or ``"cubic"``, of HU at the points.
     smoothing: standard deviation, in rows of the lattice (two thirds of it in slices), of the Gaussian that takes from
         the row ends what is finer than the lattice (an ear that one row meets and the next does not); 0 leaves them.
+    partial_volume: ``"fold"`` gives HU near the surface what the scan spread outside of it (``ct.partial_volume``);
+        ``"none"`` leaves HU as they lie, as the paper does: at row ends they are half of what lies outside.
 
     Raises
     ------
@@ -95,7 +100,7 @@ def control_lattice(
     slices = _slices(stack(region, axis), len(shape), axis, slice_index)
     _check_limits(shape, _limits(slices))
     points = slices.to_points(_lattice_indices(slices.distance_mm, shape, smoothing))
-    hu = sample_hu(volume, points, interpolation)
+    hu = surface_hu(volume, region, points, interpolation, partial_volume)
     lattice = np.concatenate([points, hu[..., None]], axis=-1)
     return ControlLattice(lattice if len(shape) == 3 else lattice[:, :, 0])
 
@@ -212,6 +217,23 @@ def _smooth(ends: list[Floats], sigma: float) -> list[Floats]:
         np.asarray(ndimage.gaussian_filter(end, (across, sigma)[: end.ndim], mode="nearest"))  # (slices[, rows])
         for end in ends
     ]
+
+
+def surface_hu(
+    volume: Volume,
+    region: Region,
+    points: Floats,
+    interpolation: str = "linear",
+    partial_volume: str = "fold",
+    device: Device | None = None,
+) -> Floats:
+    """HU (...) at LPS points (..., 3) of a body, by its treatment of the partial volume at the surface."""
+    check_treatment(partial_volume)
+    hu = sample_hu(volume, points, interpolation)
+    if partial_volume == "none":
+        return hu
+    flat = points.reshape(-1, 3)
+    return hu + folding(volume, region, flat, device).correction(flat).reshape(hu.shape)
 
 
 def sample_hu(volume: Volume, points: Floats, interpolation: str = "linear") -> Floats:

@@ -33,7 +33,7 @@ def fit(
     check_model_path(output)
     if region.labels is not None:
         raise InputError("expected --labels where a mesh is made, got it for a model, which has no elements")
-    wanted = region.source(source, read, spline.axis)
+    wanted = region.source(source, read, spline)
     shaping, device = spline.shaping(3 if region.slice_index is None else 2), run.open()
     with run.clock() as clock:
         fitted = pipeline.fit_patch(wanted, shaping, device, clock)

@@ -45,7 +45,7 @@ def mesh(
     files.check([*source, *([method.ct] if method.ct else []), *region.files, *sampled.files], deck)
     method.check([*source, *files.paths])
     page.check([*source, *files.paths, *method.paths])
-    sliced, wanted = region.slice_index is not None, region.source(source, read, spline.axis)
+    sliced, wanted = region.slice_index is not None, region.source(source, read, spline, sampled.surface_depth)
     shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing()
     sampling, device = sampled.sampling(), run.open()
     if sampling.mapping.transverse is not None:
@@ -53,7 +53,7 @@ def mesh(
     files.check_elements(sampling, 2 if sliced else 3)
     surface = is_surface(source[0])
     if surface and method.ct is None:
-        sampled.check_without_material()
+        sampled.check_without_material(spline.partial_volume)
         deck.check_material(files.output)
     files.check_field(() if surface and method.ct is None else ("HU",))
     structured = files.structured(deck)

@@ -49,7 +49,7 @@ def study(
     page.check(source)
     studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
     with run.clock() as clock:
-        patch, body = _body(source, read, region, spline, device, clock)
+        patch, body = _body(source, read, region, spline, sampled.surface_depth, device, clock)
 
         def make(nodes: tuple[int, int, int]) -> Any:
             return sample_material(patch, replace(sampling, nodes=nodes), device, body)
@@ -91,7 +91,13 @@ def _report(
 
 
 def _body(
-    source: list[Path], read: ReadOptions, region: RegionOptions, spline: SplineOptions, device: Any, clock: Any
+    source: list[Path],
+    read: ReadOptions,
+    region: RegionOptions,
+    spline: SplineOptions,
+    depth: float | None,
+    device: Any,
+    clock: Any,
 ) -> tuple[Any, Any]:
     """Hyperpatch, and what was found in the CT where there is one."""
     from gpubspline.pipeline import fit_patch
@@ -100,5 +106,5 @@ def _body(
     if is_model(source, read, region, spline):
         with clock.stage("read"):
             return load_model(source[0]), None
-    fitted = fit_patch(region.source(source, read, spline.axis), spline.shaping(3), device, clock)
+    fitted = fit_patch(region.source(source, read, spline, depth), spline.shaping(3), device, clock)
     return fitted.fit.patch, fitted.body

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
 from gpubspline.cli.options.read import ReadOptions
+from gpubspline.cli.options.spline import SplineOptions
 from gpubspline.cli.options.texts import numbers, slice_range
 
 
@@ -41,8 +42,10 @@ class RegionOptions:
         """Files that are read."""
         return [path for path in (self.mask, self.labels) if path]
 
-    def source(self, paths: list[Path], read: ReadOptions, axis: str) -> Any:
-        """What the pipeline reads."""
+    def source(
+        self, paths: list[Path], read: ReadOptions, spline: SplineOptions, surface_depth_mm: float | None = None
+    ) -> Any:
+        """What the pipeline reads; where HU near the surface are read at a depth, it is told."""
         from gpubspline.recipe import Source
 
         return Source(
@@ -54,8 +57,9 @@ class RegionOptions:
             box_mm=numbers(self.box, "box", 6),
             slices=slice_range(self.slices),
             slice_index=self.slice_index,
-            axis=axis,
+            axis=spline.axis,
             fill=self.fill,
             smoothing_mm=self.smooth,
+            partial_volume=spline.treatment(surface_depth_mm),
             reading=read.reading(),
         )

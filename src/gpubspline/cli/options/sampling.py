@@ -61,12 +61,13 @@ class SamplingOptions:
         """Files that are read, among them names of laws, which are none."""
         return [Path(name) for name in (self.law, self.transverse_law, self.calibration) if name]
 
-    def check_without_material(self) -> None:
+    def check_without_material(self, partial_volume: str | None = None) -> None:
         """Raise InputError where an option of the material is given: there is no CT to take it from."""
         plain, shape = SamplingOptions(), ("nodes", "order", "element", "optimize")
         given = [
             f.name for f in fields(self) if f.name not in shape and getattr(self, f.name) != getattr(plain, f.name)
         ]
+        given += ["partial_volume"] if partial_volume is not None else []
         if given:
             option = given[0].replace("_", "-")
             raise InputError(f"expected --ct, which the material of a surface comes from, with --{option}, got none")

@@ -22,7 +22,15 @@ class SplineOptions:
         option("Spline", "data as control points, through or near them", metavar="control|interpolate|least-squares"),
     ] = "control"
     interpolation: Annotated[str, option("Spline", "resampling of HU", metavar="linear|cubic")] = "linear"
-
+    partial_volume: Annotated[
+        str | None,
+        option(
+            "Material",
+            "what the scan spread over the surface: folded back in, or HU as they lie, as in the paper "
+            "(default: fold; none with --surface-depth)",
+            metavar="fold|none",
+        ),
+    ] = None
     smooth_rows: Annotated[
         float | None, option("Spline", "Gaussian on row ends, in rows; 0 is the paper (default: 1.5)", metavar="ROWS")
     ] = None
@@ -40,3 +48,16 @@ class SplineOptions:
         if not 0 <= self.smooth_rows <= MOST_SMOOTHING:
             raise InputError(f"expected --smooth-rows of 0 to {MOST_SMOOTHING:g}, got {self.smooth_rows:g}")
         return replace(shaping, row_smoothing=self.smooth_rows)
+
+    def treatment(self, surface_depth_mm: float | None = None) -> str:
+        """How HU near the surface are read: a depth to read them at leaves nothing to fold.
+
+        Raises InputError for what is unknown, or does not go with a depth.
+        """
+        from gpubspline.ct.partial_volume import check_treatment
+
+        if self.partial_volume is not None:
+            check_treatment(self.partial_volume)
+        if self.partial_volume == "fold" and surface_depth_mm is not None:
+            raise InputError("expected --partial-volume fold or --surface-depth, got both")
+        return self.partial_volume or ("fold" if surface_depth_mm is None else "none")

@@ -18,7 +18,7 @@ from gpubspline.mesh.butterfly.matching import match_loops
 from gpubspline.mesh.butterfly.placement import Layout, corner_sines, harmonic, transfinite
 from gpubspline.spline.fit import FitError, fit
 from gpubspline.spline.hyperpatch import Hyperpatch
-from gpubspline.spline.lattice import ControlLattice, sample_hu
+from gpubspline.spline.lattice import ControlLattice, surface_hu
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +72,7 @@ def butterfly(
     placement: str | None = None,
     smoothing: float = SMOOTHING,
     interpolation: str = "linear",
+    partial_volume: str = "fold",
     device: Device,
 ) -> Butterfly:
     """Lay five hyperpatches through a region whose every section is one part without holes.
@@ -85,6 +86,7 @@ def butterfly(
     degree: of the patches; lower where there are fewer points.
     placement: of points inside the sections: ``"harmonic"``, ``"transfinite"``, or None for the better of the two.
     smoothing: of the contours, in data points; 0 leaves them.
+    interpolation, partial_volume: of HU, as ``control_lattice`` has them.
 
     Raises
     ------
@@ -104,7 +106,9 @@ def butterfly(
             "mesh any shape (--method blocks)"
         )
     points = sections.to_mm(placed)
-    hu = np.zeros(points.shape[:-1]) if volume is None else sample_hu(volume, points, interpolation)
+    hu = np.zeros(points.shape[:-1])
+    if volume is not None:
+        hu = surface_hu(volume, region, points, interpolation, partial_volume, device)
     data = np.concatenate([points, hu[..., None]], axis=-1)
     made = {key: _patch(data[numbers], degree, device) for key, numbers in layout.blocks.items()}
     errors = [error for _, error in made.values()]

@@ -34,6 +34,9 @@ ELSEWHERE = (
 """Keys that have a section of their own."""
 
 
+PARTIAL_VOLUME = {"fold": "folded back in", "none": "as it lies"}
+
+
 def figure_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     """Name and value of every figure that is known and has no section of its own."""
     alarms = figures.get("alarms") or {}
@@ -57,6 +60,8 @@ def alarm_rows(alarms: dict[str, Any]) -> list[tuple[str, str]]:
         rest = "" if mass.get("voxels") is None else f", of the voxels {number(mass['voxels'])} g: "
         off = "" if mass.get("difference") is None else f"{100 * mass['difference']:+.3g} %"
         rows.append(("mass of the mesh", f"{number(mass['mesh'])} g{rest}{off}"))
+    if alarms.get("partial_volume"):
+        rows.append(("partial volume at the surface", PARTIAL_VOLUME[alarms["partial_volume"]]))
     if alarms.get("surface_depth_mm"):
         rows.append(("surface read at a depth of", f"{number(alarms['surface_depth_mm'])} mm"))
     order = alarms.get("order_difference")

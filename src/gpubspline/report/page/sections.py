@@ -5,7 +5,7 @@ from html import escape
 from itertools import groupby
 from typing import Any
 
-from gpubspline.material.alarms import MASS_TOLERANCE
+from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice
 from gpubspline.material.density import DensityRelation
 from gpubspline.material.laws import Law
 from gpubspline.mesh.quality import Quality
@@ -47,7 +47,8 @@ def _alarm_lines(figures: dict[str, Any]) -> list[str]:
     off = (alarms.get("mass_g") or {}).get("difference")
     if off is not None and abs(off) > MASS_TOLERANCE:
         said.append(
-            f"The mass of the mesh is {100 * abs(off):.1f} % {'above' if off > 0 else 'below'} that of the voxels."
+            f"The mass of the mesh is {100 * abs(off):.1f} % {'above' if off > 0 else 'below'} that of the voxels: "
+            f"{mass_advice(alarms)}."
         )
     if figures.get("certified_valid") is False:
         said.append("The Jacobian determinant is not certified to be positive throughout every element.")
