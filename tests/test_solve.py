@@ -96,7 +96,8 @@ def test_stance_from_a_ct(run: Command, tmp_path: Path) -> None:
     out, summary = tmp_path / "out.vtu", tmp_path / "out.json"
     meshing = ("--control", "9,9,20", "--nodes", "6,6,12")
     status, said, err = run("solve", tmp_path / "ct", *meshing, "--load", "stance", "-o", out, "--summary", summary)
-    assert (status, err) == (0, "")
+    assert status == 0 and "method     tensor: --control is for it" in said
+    assert "the tensor mesh fills 14% less" in err and err.count("\n") == err.count("gpubspline: warning:") == 2
     figures, found = json.loads(summary.read_text()), read_mesh(out)
     assert figures["elements"] == 5 * 5 * 11 and figures["unknowns"] == 3 * 36 * 11
     np.testing.assert_allclose(figures["applied_n"], [0, 0, -328], atol=1e-9)
@@ -106,6 +107,41 @@ def test_stance_from_a_ct(run: Command, tmp_path: Path) -> None:
     assert figures["max_von_mises_mpa"] < figures["max_von_mises_at_point_mpa"] <= figures["max_von_mises_anywhere_mpa"]
     assert "over balls of 3 mm" in figures["max_von_mises_is"] and figures["max_von_mises_is"][:30] in said
     assert [part["region"] for part in figures["regions"]] == ["distal end", "femoral head", "greater trochanter"]
+
+
+@pytest.mark.parametrize(("method", "elements"), [("butterfly", "8000"), ("blocks", "3000")])
+def test_stance_by_the_other_methods(run: Command, tmp_path: Path, method: str, elements: str) -> None:
+    """Elements of either bear the load of the tensor method's, and the femur gives way as much, within a third."""
+    write_phantom("child-femur", tmp_path / "ct")
+    moved = {}
+    how = {method: ("--method", method, "--elements", elements), "tensor": ("--nodes", "11,14,20")}
+    for name, meshing in how.items():
+        out, summary = tmp_path / f"{name}.vtu", tmp_path / f"{name}.json"
+        status, said, _ = run("solve", tmp_path / "ct", *meshing, "--load", "stance", "-o", out, "--summary", summary)
+        assert status == 0 and f"method     {name}" in said
+        figures = json.loads(summary.read_text())
+        np.testing.assert_allclose(figures["reaction_n"], [0, 0, 328], atol=1e-3)
+        moved[name] = figures["max_displacement_mm"]
+    assert moved[method] == pytest.approx(moved["tensor"], rel=1 / 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["model.npz", "--method", "blocks"], "no options of a method with model.npz"),
+        (["model.npz", "--elements", "900"], "no options of a method with model.npz"),
+        (["bone.stl", "--method", "blocks"], "--ct, which the material of bone.stl comes from"),
+        (["ct.nii.gz", "--method", "blocks", "--nodes", "9,9,9"], "no --nodes, which is for tensor"),
+        (["bar.vtu", "--method", "blocks"], "without options that make a mesh"),
+    ],
+)
+def test_methods_that_do_not_go_with_the_input_are_refused(
+    run: Command, pulled: list[Path], tmp_path: Path, words: list[str], message: str
+) -> None:
+    before = sorted(tmp_path.iterdir())
+    status, out, err = run("solve", tmp_path / words[0], *words[1:], "--load", pulled[1], "-o", tmp_path / "o.vtu")
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("formulation", ["full", "incompatible", "bbar"])

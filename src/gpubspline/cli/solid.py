@@ -1,51 +1,90 @@
-"""The mesh that a command works on: a mesh file, or made of a model file or a CT."""
+"""The mesh that a command works on: a mesh file, or made of a model file, a CT or a surface."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gpubspline.cli.options import ReadOptions, RegionOptions, SamplingOptions, SplineOptions
+from gpubspline.cli.options import MethodOptions, ReadOptions, RegionOptions, SamplingOptions, SplineOptions
 from gpubspline.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A mesh, and what is known of how it was made; of a mesh file nothing is."""
+    """A mesh, and what is known of how it was made: CT, law, body, figures of the mesh; of a mesh file nothing."""
 
     mesh: Any
     volume: Any = None
     law: Any = None
+    body: Any = None
+    figures: Any = None
 
 
 def find_model(
     source: list[Path],
     read: ReadOptions,
     region: RegionOptions,
+    method: MethodOptions,
     spline: SplineOptions,
     sampled: SamplingOptions,
     device: Any,
     clock: Any,
 ) -> Solid:
-    """Read a mesh file, or make the mesh of a model file or a CT."""
+    """Read a mesh file, or make the mesh of a model file, a CT, or a surface in one."""
     from gpubspline import pipeline
     from gpubspline.export import can_read, read_mesh
     from gpubspline.spline.model import load_model
+    from gpubspline.surface.read import is_surface
 
-    if can_read(source[0]):
-        plain = (ReadOptions(), RegionOptions(), SplineOptions(), SamplingOptions())
-        if len(source) > 1 or (read, region, spline, sampled) != plain:
+    surface = is_surface(source[0]) and method.ct is not None  # else .stl and .ply are meshes
+    if can_read(source[0]) and not surface:
+        plain = (ReadOptions(), RegionOptions(), MethodOptions(), SplineOptions(), SamplingOptions())
+        if len(source) > 1 or (read, region, method, spline, sampled) != plain:
             raise InputError(f"expected one mesh file, without options that make a mesh, got {source[0].name} and more")
         with clock.stage("read"):
             return Solid(read_mesh(source[0]))
     if is_model(source, read, region, spline):
+        if method != MethodOptions():
+            raise InputError(
+                f"expected no options of a method with {source[0].name}, which is a patch of the tensor one"
+            )
         with clock.stage("read"):
-            patch, body = load_model(source[0]), None
+            patch = load_model(source[0])
+        model = pipeline.sample_patch(patch, sampled.sampling(), device, clock)
+        return Solid(model.mesh, law=model.law)
+    return _from_ct(source, read, region, method, spline, sampled, device, clock)
+
+
+def _from_ct(
+    source: list[Path],
+    read: ReadOptions,
+    region: RegionOptions,
+    method: MethodOptions,
+    spline: SplineOptions,
+    sampled: SamplingOptions,
+    device: Any,
+    clock: Any,
+) -> Solid:
+    from gpubspline import methods, pipeline
+    from gpubspline.surface.read import is_surface
+
+    sliced, wanted = region.slice_index is not None, region.source(source, read, spline, sampled.surface_depth)
+    shaping, meshing, sampling = spline.shaping(2 if sliced else 3), method.meshing(), sampled.sampling()
+    methods.implied(meshing, shaping, sampling, sliced)  # refuses before any work what does not fit together
+    if is_surface(source[0]) and method.ct is None:
+        raise InputError(f"expected --ct, which the material of {source[0].name} comes from, got a surface alone")
+    body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
+    with clock.stage("method"):
+        choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced)
+    if choice.method == "tensor":
+        fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
+        model = pipeline.sample_patch(fitted.fit.patch, sampling, device, clock, body)
+        figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
     else:
-        shaping = spline.shaping(3 if region.slice_index is None else 2)
-        fitted = pipeline.fit_patch(region.source(source, read, spline, sampled.surface_depth), shaping, device, clock)
-        patch, body = fitted.fit.patch, fitted.body
-    model = pipeline.sample_patch(patch, sampled.sampling(), device, clock, body)
-    return Solid(model.mesh, None if body is None else body.volume, model.law)
+        meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
+        model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
+        figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
+    warn_of_shape(figures)
+    return Solid(model.mesh, body.volume, model.law, body, figures)
 
 
 def is_model(source: list[Path], read: ReadOptions, region: RegionOptions, spline: SplineOptions) -> bool:
@@ -58,3 +97,39 @@ def is_model(source: list[Path], read: ReadOptions, region: RegionOptions, splin
     if len(source) > 1 or (read, region, spline) != (ReadOptions(), RegionOptions(), SplineOptions()):
         raise InputError(f"expected one model file, without options that fit one to CT, got {source[0].name} and more")
     return True
+
+
+def find_any_body(
+    source: list[Path],
+    wanted: Any,
+    read: ReadOptions,
+    region: RegionOptions,
+    method: MethodOptions,
+    meshing: Any,
+    device: Any,
+    clock: Any,
+) -> Any:
+    """Find the body in a CT, or read a surface."""
+    from gpubspline.segment import find_body, find_surface_body
+    from gpubspline.surface.read import is_surface
+
+    if not is_surface(source[0]):
+        if method.ct is not None:
+            raise InputError(f"expected --ct with a surface as input, got {source[0].name}, which is read as CT itself")
+        return find_body(wanted, clock)
+    if len(source) > 1 or region != RegionOptions():
+        raise InputError(f"expected one surface, without options that find a body in CT, got {source[0].name} and more")
+    if method.ct is None and read != ReadOptions():
+        raise InputError("expected --ct with options that read one, got a surface alone")
+    return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
+
+
+def warn_of_shape(figures: dict[str, Any]) -> None:
+    """Warn of gaps that the rows of a mesh bridge, and of parts of the body that it leaves out."""
+    from gpubspline.methods import warn_of_bridges, warn_of_lost
+
+    if figures["method"]["name"] == "tensor":
+        for size in (figures["volume_mm3"], figures["area_mm2"]):
+            if size["mesh"] is not None and size["region"]:
+                warn_of_bridges(size["mesh"], size["region"])
+    warn_of_lost(figures["lost_features"] or [], figures["size_mm"])

@@ -1,8 +1,5 @@
 """From CT, or a closed surface, to a mesh with material."""
 
-from pathlib import Path
-from typing import Any
-
 import typer
 
 from gpubspline.cli.app import app
@@ -19,6 +16,7 @@ from gpubspline.cli.options import (
     SplineOptions,
     flattened,
 )
+from gpubspline.cli.solid import find_any_body, warn_of_shape
 from gpubspline.errors import InputError
 
 
@@ -62,55 +60,21 @@ def mesh(
     if surface and implied is not None and implied.method == "tensor":
         raise InputError(f"expected a CT for the tensor method ({implied.why}), got a surface: butterfly or blocks")
     with run.clock() as clock:
-        body = _body(source, wanted, read, region, method, meshing, device, clock)
+        body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
         with clock.stage("method"):
             choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
         if choice.method == "tensor":
             fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
             model = files.make(fitted.fit.patch, sampling, device, clock, body)
             figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
-            _warn_of_bridges(figures)
         else:
             meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
             model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
             figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
-        methods.warn_of_lost(figures["lost_features"] or [], figures["size_mm"])
+        warn_of_shape(figures)
         files.write(model, figures, clock)
         method.write(body.region, figures, clock)
         known = {"quality": model.counted.quality, "volume": body.volume, "laws": [model.law] if model.law else []}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
     written = [*files.paths, *method.paths, *page.paths]
     run.say([*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote(written)])
-
-
-def _body(
-    source: list[Path],
-    wanted: Any,
-    read: ReadOptions,
-    region: RegionOptions,
-    method: MethodOptions,
-    meshing: Any,
-    device: Any,
-    clock: Any,
-) -> Any:
-    """Find the body in a CT, or read a surface."""
-    from gpubspline.segment import find_body, find_surface_body
-    from gpubspline.surface.read import is_surface
-
-    if not is_surface(source[0]):
-        if method.ct is not None:
-            raise InputError(f"expected --ct with a surface as input, got {source[0].name}, which is read as CT itself")
-        return find_body(wanted, clock)
-    if len(source) > 1 or region != RegionOptions():
-        raise InputError(f"expected one surface, without options that find a body in CT, got {source[0].name} and more")
-    if method.ct is None and read != ReadOptions():
-        raise InputError("expected --ct with options that read one, got a surface alone")
-    return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
-
-
-def _warn_of_bridges(figures: dict[str, Any]) -> None:
-    from gpubspline.methods import warn_of_bridges
-
-    for size in (figures["volume_mm3"], figures["area_mm2"]):
-        if size["mesh"] is not None and size["region"]:
-            warn_of_bridges(size["mesh"], size["region"])

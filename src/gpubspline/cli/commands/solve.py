@@ -7,6 +7,7 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import (
+    MethodOptions,
     ReadOptions,
     RegionOptions,
     ReportOptions,
@@ -25,11 +26,16 @@ def solve(
     context: typer.Context,
     source: Annotated[
         list[Path],
-        typer.Argument(metavar="MESH|INPUT...", help="mesh with E_MPa and nu; model file; or CT", show_default=False),
+        typer.Argument(
+            metavar="MESH|INPUT...",
+            help="mesh with E_MPa and nu; model file; CT; or a closed surface in one (--ct)",
+            show_default=False,
+        ),
     ],
     wanted: SolveOptions,
     read: ReadOptions,
     region: RegionOptions,
+    method: MethodOptions,
     spline: SplineOptions,
     sampled: SamplingOptions,
     page: ReportOptions,
@@ -40,16 +46,22 @@ def solve(
     from gpubspline.cli import describe
     from gpubspline.mesh.quality import assess
 
-    case, device = wanted.case([*source, *region.files, *sampled.files]), run.open()
-    page.check([*source, *wanted.paths])
+    inputs = [*source, *([method.ct] if method.ct else []), *region.files, *sampled.files]
+    case, device = wanted.case(inputs), run.open()
+    method.check([*inputs, *wanted.paths])
+    page.check([*inputs, *wanted.paths, *method.paths])
     with run.clock() as clock:
-        solid = find_model(source, read, region, spline, sampled, device, clock)
+        solid = find_model(source, read, region, method, spline, sampled, device, clock)
         response = respond(solid.mesh, case, device, clock, **wanted.how())
         figures = response.figures() | {"backend": device.backend, "device": device.label}
         wanted.write(response, figures, clock)
+        if solid.body is not None:
+            method.write(solid.body.region, solid.figures, clock)
         if page.report:
             judged, quality = assess(response.mesh, device)
             known = {"quality": quality, "volume": solid.volume, "laws": [solid.law] if solid.law else []}
             title = f"{case.title or case.name}: {describe.kind(judged)} solved"
             page.write(context, clock, title, judged, figures, **known)
-    run.say([*describe.response_lines(figures), *describe.wrote([*wanted.paths, *page.paths])])
+    made = [] if solid.figures is None else describe.method_lines(solid.figures["method"], solid.figures["size_mm"])
+    written = [*wanted.paths, *method.paths, *page.paths]
+    run.say([*made, *describe.response_lines(figures), *describe.wrote(written)])
