@@ -1,4 +1,7 @@
-// What the arithmetic of a device gives: products and sums of numbers that stay in registers.
+// WIDE
+// What the arithmetic of a device gives: products and sums of numbers that stay in registers, fused where it can.
+
+#pragma OPENCL FP_CONTRACT ON
 
 // 8 times `rounds` steps y = a y + b of each element, 2 operations each; the 8 do not wait for each other.
 __kernel __attribute__((vec_type_hint(realv)))

@@ -1,4 +1,4 @@
-"""What the arithmetic of a device gives: products and sums of numbers that stay in registers."""
+"""What the arithmetic of a device gives: products and sums of numbers that stay in registers, fused where it can."""
 
 from typing import Any
 
@@ -6,8 +6,10 @@ import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray
 
+FLAGS = f"{getattr(wp.config, 'cpu_compiler_flags', '')} -ffp-contract=fast"
 
-@wp.kernel(enable_backward=False, module="unique")
+
+@wp.kernel(enable_backward=False, module="unique", module_options={"cpu_compiler_flags": FLAGS})
 def multiply_add(
     start: LaneArray,
     a: Any,

@@ -16,6 +16,12 @@ LaneArray = wp.array(dtype=Any)
 IntLaneArray = wp.array(dtype=Any)
 """A LaneArray of int32."""
 
+REGISTER_BYTES = 64
+"""Of a CPU's vectors. A module with this as its ``REGISTER`` gets lanes for one register, unless a row holds fewer."""
+# Lanes are loops: not unrolled before they are made vectors, each becomes one instruction, or up to 4 where registers
+# are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must.
+FUSED = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast"
+
 
 @wp.func
 def inverse_root(squared: Any):

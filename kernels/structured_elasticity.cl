@@ -1,3 +1,4 @@
+// WIDE
 // Linear elasticity of a structured mesh of hex8: K u by rows of elements, without connectivity, matrix or gather.
 //
 // The mathematics, 2 x 2 x 2 Gauss points and names are those of elasticity.cl. Nodes are n_u x n_v x n_w, u fastest, so
@@ -14,7 +15,7 @@
 // moduli, two thirds of all that it reads, it wants in the order in which it needs them, which `pack_moduli` writes: 16
 // planes side by side are more than a processor fetches in advance.
 
-// Nothing here must round alike on both backends, as meshes must.
+// Nothing here must round alike on both backends, as meshes must: products and sums may be fused.
 #pragma OPENCL FP_CONTRACT ON
 
 #define GAUSS 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2

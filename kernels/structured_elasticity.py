@@ -19,16 +19,12 @@ from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.lanes import LaneArray
+from gpubspline.kernels.lanes import FUSED, REGISTER_BYTES, LaneArray
 
 GAUSS = wp.constant(wp.float64(0.21132486540518711775))  # (1 - 1 / sqrt 3) / 2
 WEIGHT = wp.constant(wp.float64(0.125))
 
-REGISTER = 64
-"""Bytes of the vectors of a CPU: as many lanes as one register holds, since nothing of longer ones stays in it."""
-# Lanes are loops, which become one instruction each where they are not unrolled before. Nothing here must round alike
-# on both backends, as meshes must: products and sums may be fused.
-FLAGS = "-march=native -mllvm=-inline-threshold=9000 -fno-unroll-loops -ffp-contract=fast"
+REGISTER = REGISTER_BYTES
 
 
 @wp.func
@@ -215,7 +211,7 @@ def forces_of(
 
 
 # Left a loop over Gauss points: unrolled, a CPU's compiler works on it for most of a minute, for nothing.
-@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FLAGS})
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
 def shares(
     points: LaneArray,
     displacement: LaneArray,
@@ -300,7 +296,7 @@ def pack_moduli(
         place = place + n_rows * (n_u - 1)
 
 
-@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FLAGS})
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
 def bricks(
     points: LaneArray,
     displacement: LaneArray,
