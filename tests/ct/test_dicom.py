@@ -304,6 +304,21 @@ def test_the_largest_ct_series_is_read_unless_another_is_named(tmp_path, write_s
         read_volume(tmp_path, series="1.9")
 
 
+def test_another_reconstruction_that_may_have_been_meant_is_warned_of(tmp_path, write_series):
+    """By its number of images, not its UID; a localiser's series is not worth a word."""
+    write_series(tmp_path / "scout", range(2), SeriesInstanceUID="1.1")
+    soft = write_series(tmp_path / "soft", range(5), seed=1, SeriesInstanceUID="1.2")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(read_volume(tmp_path).hu, soft - 1024)
+    bone = write_series(tmp_path / "bone", range(5), seed=2, SeriesInstanceUID="1.3")
+    with pytest.warns(GpubsplineWarning, match=r"^the CT series of 5 images is taken, beside others of 5: --series"):
+        np.testing.assert_array_equal(read_volume(tmp_path).hu, soft - 1024)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(read_volume(tmp_path, series="1.3").hu, bone - 1024)
+
+
 def test_series_without_a_ct_say_what_came(tmp_path, write_series):
     write_series(tmp_path / "a", range(3), SeriesInstanceUID="1.1", Modality="MR")
     write_series(tmp_path / "b", range(2), SeriesInstanceUID="1.2", Modality="PT")

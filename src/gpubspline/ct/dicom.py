@@ -51,12 +51,13 @@ def read_dicom(
 
     Warns
     -----
-    GpubsplineWarning where localisers or doubled slices were left out or slices were resampled to even spacing.
+    GpubsplineWarning where another series may have been meant, localisers or doubled slices were left out, or slices
+    were resampled to even spacing.
     """
     found: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pydicom's: attributes that break the standard's rules are no concern here
-        slices = slices_of(choose_series(read_headers(paths), series), found)
+        slices = slices_of(choose_series(read_headers(paths), series, found), found)
         hu = _decode(slices, progress)
     slices, hu = _drop_doubles(slices, hu, found)
     hu, affine = _place(slices, hu, allow_gaps, found)

@@ -35,6 +35,9 @@ UNREADABLE = (
 """What pydicom and its decoders raise for damaged files."""
 
 _CT_CLASSES = (CTImageStorage, EnhancedCTImageStorage, LegacyConvertedEnhancedCTImageStorage)
+SCOUTS = 3
+"""Images of a series that is not taken, up to which it is a localiser's or a report's and not worth a word."""
+
 _DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
 _TAGS: list[Any] = [
     "SOPClassUID",
@@ -171,8 +174,10 @@ def read_headers(paths: Sequence[Path]) -> list[Header]:
     return headers
 
 
-def choose_series(headers: Iterable[Header], series: str | None = None) -> list[Header]:
+def choose_series(headers: Iterable[Header], series: str | None = None, told: list[str] | None = None) -> list[Header]:
     """Take the CT series of the most images, or the one with the given SeriesInstanceUID.
+
+    Others that may have been meant, such as another reconstruction, are told in words in ``told``, without their UIDs.
 
     Raises InputError where no series is CT, saying what came, or where none has the UID, naming those that are there.
     """
@@ -189,7 +194,14 @@ def choose_series(headers: Iterable[Header], series: str | None = None) -> list[
             came[modality] += size
         words = ", ".join(f"{modality} ({size} images)" for modality, size in sorted(came.items()))
         raise InputError(f"expected a CT series, got {len(groups)} series of {words}")
-    return groups[max(sorted(ct), key=lambda key: sizes[key])]
+    chosen = max(sorted(ct), key=lambda key: sizes[key])
+    others = sorted((sizes[key] for key in ct if key != chosen and sizes[key] > SCOUTS), reverse=True)
+    if others and told is not None:
+        words = ", ".join(map(str, others))
+        told.append(
+            f"the CT series of {sizes[chosen]} images is taken, beside others of {words}: --series takes another"
+        )
+    return groups[chosen]
 
 
 def _named_series(groups: dict[tuple[str, str], list[Header]], series: str) -> list[Header]:
