@@ -45,6 +45,9 @@ CLOSING = 0.5
 GROOVE = 0.25
 """Depth, in elements, of the groove left at the mouth of a closed crack: more than distances between samples err."""
 
+BAND = 0.4
+"""Half the width, in elements, of the band of samples that the surface's area is taken from."""
+
 _CHUNK = 1 << 20
 """Samples of the region taken at a time, which bounds the memory."""
 
@@ -172,6 +175,11 @@ def bulged(phi: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(phi - np.clip(bent / np.float32(12), -MOST_BULGE, MOST_BULGE), dtype=np.float32)
 
 
+def volume_inside(phi: NDArray[np.float32]) -> float:
+    """Volume, in elements, that the zero level holds."""
+    return float(_share_inside(phi).sum(dtype=np.float64)) / SAMPLES**3
+
+
 def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, device: Device) -> Field:
     """Distance, in elements, of one of the bodies of a level set's region, sampled and smoothed as the level set is."""
     sampled = _sampled(region, level.to_mm, level.phi.shape, device)
@@ -209,7 +217,49 @@ def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
         return phi
     once = gaussian_filter(phi, sigma, truncate=3.0, mode="nearest")
     twice = gaussian_filter(once, sigma, truncate=3.0, mode="nearest")
-    return np.asarray(2 * once - twice, dtype=np.float32)
+    return _brought_back(np.asarray(2 * once - twice, dtype=np.float32), phi)
+
+
+def _brought_back(smooth: NDArray[np.float32], phi: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Move the zero level until it holds the volume of the unsmoothed one, within an element or so around.
+
+    Smoothing flattens the ridge of a distance half way between two sheets, which draws near ones: it thickened plates
+    of 2.5 elements by 3 %. With the volume kept edges stay round, and as much is outside as inside.
+    """
+    near = np.maximum(0, 1 - np.abs(smooth) * np.float32(1 / BAND)).astype(np.float32)
+    change = _share_inside(smooth)
+    change -= _share_inside(phi)
+    return np.asarray(smooth + spread(_of_cells(near) / BAND, _of_cells(change), smooth.shape), dtype=np.float32)
+
+
+def _share_inside(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Share of the box of each sample that lies inside, as if it faced the surface."""
+    return np.asarray(np.clip(0.5 - SAMPLES * phi, 0, 1), dtype=np.float32)
+
+
+def _of_cells(samples: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Sums over the samples of each lattice cell, but for those of its far sides."""
+    n_k, n_j, n_i = ((n - 1) // SAMPLES for n in samples.shape)
+    each = samples[:-1, :-1, :-1].reshape(n_k, SAMPLES, n_j, SAMPLES, n_i, SAMPLES)
+    return np.asarray(each.sum(axis=(1, 3, 5)))
+
+
+def spread(weight: NDArray[Any], total: NDArray[Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Mean of what was weighed and summed up in each lattice cell, over an element or so around, at samples."""
+    around = gaussian_filter(weight.astype(np.float32), 1.0, truncate=3.0)
+    summed = gaussian_filter(total.astype(np.float32), 1.0, truncate=3.0)
+    mean = np.where(around > 0, summed / np.where(around > 0, around, 1), 0)
+    return _of_samples(mean.astype(np.float32), shape)
+
+
+def _of_samples(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Values of cells (n_k, n_j, n_i), linear between the middles of what they were summed over, at samples."""
+    for axis, n in enumerate(shape):
+        at = np.clip((np.arange(n) - (SAMPLES - 1) / 2) / SAMPLES, 0, cells.shape[axis] - 1)
+        low = np.minimum(at.astype(int), cells.shape[axis] - 2)
+        share = (at - low).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(3)])
+        cells = cells.take(low, axis) * (1 - share) + cells.take(low + 1, axis) * share
+    return cells
 
 
 def close_cracks(phi: NDArray[np.float32], radius: float) -> NDArray[np.float32]:

@@ -12,16 +12,14 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
-from gpubspline.mesh.blocks.labelled import assign, check_parts, costs, element_sets, hold, level_volumes, node_sets
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, level_set, part_of
+from gpubspline.mesh.blocks.labelled import assign, check_parts, costs, element_sets, hold, node_sets
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, level_set, part_of
 from gpubspline.mesh.blocks.pillow import Owners, pillow
+from gpubspline.mesh.blocks.place import Holding, place_nodes
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair, repair_owners
-from gpubspline.mesh.blocks.start import start
-from gpubspline.mesh.even import even_out
-from gpubspline.mesh.improve import POOR, Effort, improve
+from gpubspline.mesh.improve import POOR, Effort
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import movable, put_level
 
 ATTEMPTS = 4
 """Most places of the lattice that are tried."""
@@ -198,23 +196,19 @@ def mesh_level_set(
     cells, flips = _core(level, distances)
     hexes = pillow(cells)
     held = hold(hexes)
-    wanted = bulged(level.phi) if bulge else level.phi
-    reached = within_reach(wanted, cells > 0) if clamp else wanted
-    volumes = np.stack(level_volumes(reached, distances, held))
-    on_device = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
-    nodes = movable(hexes.cells, hexes.n_nodes, held.slack, on_device, device, levels=held.levels)
-    best = even_out(nodes, improve(nodes, hexes.colours, start(hexes, nodes), held.slack, effort))
-    points = np.array(device.get(best.x)).reshape(3, -1).T
+    holding = Holding(hexes, held, cells > 0, distances, device, clamp)
+    placed = place_nodes(holding, level, effort, bulge=bulge)
+    points, best = placed.points, placed.nodes
     if not best.least > 0:
-        raise MeshError(_inverted(nodes.scaled_jacobian(best.x), points[hexes.cells], level))
+        raise MeshError(_inverted(placed.hexes.scaled_jacobian(best.x), points[hexes.cells], level))
     outer = node_sets(hexes, names, held.pairs)
     report = BlocksReport(
         size_mm=level.size_mm,
         min_scaled_jacobian=best.least,
         euler={"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)},
         repaired_cells=flips,
-        off_surface_nodes=off_surface(points[outer["surface"]], reached, level.size_mm),
-        lost_features=lost_features(level, reached),
+        off_surface_nodes=off_surface(points[outer["surface"]], placed.reached, level.size_mm),
+        lost_features=lost_features(level, placed.reached),
         attempts=(),
     )
     mesh = Mesh(
@@ -264,4 +258,4 @@ def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> s
 
 def _place(level: LevelSet, at: NDArray[Any]) -> str:
     x, y, z = level.in_mm(np.asarray(at, dtype=np.float64)[None, :])[0]
-    return f"({x:.1f}, {y:.1f}, {z:.1f}) mm"
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"

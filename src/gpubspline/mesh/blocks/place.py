@@ -1,0 +1,81 @@
+"""Where nodes go: the surface on to the level set, the hexes improved, and again where faces cut off volume."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpubspline.device import Device
+from gpubspline.mesh.blocks.chords import measure_chords
+from gpubspline.mesh.blocks.core import Cells
+from gpubspline.mesh.blocks.labelled import Held, level_volumes
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, volume_inside
+from gpubspline.mesh.blocks.pillow import Pillowed
+from gpubspline.mesh.blocks.reach import within_reach
+from gpubspline.mesh.blocks.start import start
+from gpubspline.mesh.even import even_out
+from gpubspline.mesh.improve import POOR, Effort, Placed, copy, improve
+from gpubspline.mesh.movable import Movable, movable, put_level
+
+FEW = 0.004
+"""Share of the volume that faces may cut off."""
+
+STEPS = 20
+"""Most steps of descent of all hexes where they are placed again, near to where they were."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """Hexes, and what their nodes are held by; ``inside`` are the core's cells."""
+
+    hexes: Pillowed
+    held: Held
+    inside: Cells
+    distances: list[Field]
+    device: Device
+    clamp: bool
+
+    def by(self, wanted: Field) -> tuple[Movable, Field]:
+        """Hold the nodes by a level set, as far as the core reaches; gives that too."""
+        reached = within_reach(wanted, self.inside) if self.clamp else wanted
+        volumes = np.stack(level_volumes(reached, self.distances, self.held))
+        level = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), self.device)
+        cells, n, held = self.hexes.cells, self.hexes.n_nodes, self.held
+        return movable(cells, n, held.slack, level, self.device, levels=held.levels), reached
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedOn:
+    """Hexes with their nodes in place, and the level set that these are on."""
+
+    hexes: Movable
+    nodes: Placed
+    reached: Field
+
+    @property
+    def points(self) -> NDArray[Any]:
+        """(n, 3) nodes, lattice coordinates."""
+        return np.asarray(np.array(self.hexes.device.get(self.nodes.x)).reshape(3, -1).T)
+
+
+def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bulge: bool) -> PlacedOn:
+    """Place the nodes of hexes; ``bulge``: outside the level set, by as much as faces cut off."""
+    wanted = bulged(level.phi) if bulge else level.phi
+    hexes, reached = holding.by(wanted)
+    colours, slack = holding.hexes.colours, holding.held.slack
+    best = improve(hexes, colours, start(holding.hexes, hexes), slack, effort)
+    made = PlacedOn(hexes, even_out(hexes, best), reached)
+    if not (bulge and best.least > 0):
+        return made
+    volume = volume_inside(level.phi)
+    chords = measure_chords(made.points, holding.hexes.quads, level.phi, volume)
+    if abs(chords.volume) <= FEW * volume:
+        return made
+    hexes, reached = holding.by(wanted + chords.field(wanted.shape))
+    effort = effort or Effort()
+    effort = replace(effort, steps=min(STEPS, effort.steps))
+    again = improve(hexes.with_slack(best.slack), colours, copy(hexes, best.x), best.slack, effort)
+    if again.least < min(best.least, POOR):
+        return made
+    return PlacedOn(hexes, even_out(hexes, again), reached)
