@@ -219,13 +219,15 @@ def _surfaces(mesh: Mesh) -> dict[str, Faces]:
         return {}
     outer, found = outer_faces(mesh), {}
     places = list(mesh.element.sides)
+    starts = np.searchsorted(outer.sides, np.arange(len(places) + 1))  # a structured mesh's come side after side
     for name, members in mesh.node_sets.items():
         if mesh.structure is not None and name in places:
-            faces = outer.only(outer.sides == places.index(name))
+            place = places.index(name)
+            faces = outer.only(slice(starts[place], starts[place + 1]))
         else:
             among = np.zeros(mesh.n_nodes, dtype=np.bool_)
             among[members] = True
-            faces = outer.only(np.asarray(among[outer.nodes].all(axis=1)))
+            faces = outer.only(np.logical_and.reduce([among[corner] for corner in outer.nodes.T]))
         if faces.elements.size:
             found[name] = faces
     return found

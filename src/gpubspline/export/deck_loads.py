@@ -34,8 +34,8 @@ class Faces:
     sides: NDArray[np.int64]
     nodes: NDArray[np.int32]
 
-    def only(self, wanted: NDArray[np.bool_]) -> "Faces":
-        """Those that are wanted (f,)."""
+    def only(self, wanted: NDArray[np.bool_] | slice) -> "Faces":
+        """Those that are wanted, (f,) or a range."""
         return Faces(self.elements[wanted], self.sides[wanted], self.nodes[wanted])
 
 
@@ -95,7 +95,9 @@ def outer_faces(mesh: Mesh) -> Faces:
     """Faces of the boundary of hexes."""
     elements, sides = mesh.boundary_places()
     vertices = np.array(list(mesh.element.sides.values()))
-    return Faces(elements, sides, np.take_along_axis(mesh.cells_of(elements), vertices[sides], axis=1))
+    cells = mesh.cells_of(elements)
+    entries = cells.shape[1] * np.arange(len(cells))[:, None] + vertices[sides]
+    return Faces(elements, sides, cells.ravel()[entries])
 
 
 def place_loads(case: LoadCase, mesh: Mesh) -> Placed:
