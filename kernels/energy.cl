@@ -1,6 +1,7 @@
-// What hexes lack in scaled Jacobian and in even edges, and the gradient of it by their nodes.
+// What hexes and quads lack in scaled Jacobian and in even edges, and the gradient of it by their nodes.
 //
-// Coordinates are planes (3, n). `nodes` is (8, m): plane a holds the number of vertex a of each element, in VTK's order.
+// Coordinates are planes (3, n). `nodes` is (k, m): plane a holds the number of vertex a of each element, of k = 8 or 4, in
+// VTK's order.
 // `start` (n + 1) and `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
 
 #define TINY ((real)1e-20)
@@ -77,9 +78,9 @@ inline lanes3 vertex(__global const real *x, int n, __global const int *nodes, i
     return p;
 }
 
-inline void give(lanes3 g, __global real *gradient, int m, int a, int first)
+inline void give(lanes3 g, __global real *gradient, int k, int m, int a, int first)
 {
-    size_t at = (size_t)a * m + first, plane = 8 * (size_t)m;
+    size_t at = (size_t)a * m + first, plane = (size_t)k * m;
     store(g.x, gradient, at, m - first);
     store(g.y, gradient, plane + at, m - first);
     store(g.z, gradient, 2 * plane + at, m - first);
@@ -130,19 +131,65 @@ void hex_energy(__global const real *x, int n, __global const int *nodes, int m,
                 add(&g[b + a], c ? gw[a] : times(-1, gw[a]));
         }
         for (int a = 0; a < 8; a++)
-            give(g[a], gradient, m, a, first);
+            give(g[a], gradient, 8, m, a, first);
+    }
+}
+
+// Adds what the corner between two unit edges of a quad lacks, and its derivatives by the edges and by the unit normal.
+inline void quad_corner(lanes3 a, lanes3 b, lanes3 normal, realv ia, realv ib, real goal, int power, realv *energy,
+                        lanes3 *ga, lanes3 *gb, lanes3 *gn)
+{
+    lanes3 ab = outer(a, b);
+    realv jacobian = inner(normal, ab);
+    realv short_of = fmax(goal - jacobian, (realv)0), square = short_of * short_of;
+    realv slope = power == 2 ? -2 * short_of : -4 * square * short_of;
+    *energy += power == 2 ? square : square * square;
+    add(ga, times(slope * ia, minus(outer(b, normal), times(jacobian, a))));
+    add(gb, times(slope * ib, minus(outer(normal, a), times(jacobian, b))));
+    add(gn, times(slope, ab));
+}
+
+// The same of quads in space, whose corners are measured against the normal at the centre: log_lengths (2, m), gradient
+// (3, 4, m).
+__kernel __attribute__((vec_type_hint(realv)))
+void quad_energy(__global const real *x, int n, __global const int *nodes, int m, __global const real *log_lengths,
+                 real goal, int power, real weight, __global real *energy, __global real *gradient)
+{
+    FOR_LANES(first, m) {
+        lanes3 p[4], e[4], ge[4], gn = {0, 0, 0};
+        realv inverse[4], sum = 0;
+        for (int a = 0; a < 4; a++)
+            p[a] = vertex(x, n, nodes, m, first, a);
+        realv lu = load(log_lengths, first), lv = load(log_lengths, (size_t)m + first);
+        for (int a = 0; a < 4; a++)
+            e[a] = edge(p[a], p[(a + 1) & 3], a & 1 ? lv : lu, weight, &inverse[a], &sum, &ge[a]);
+        lanes3 d = minus(p[2], p[0]), f = minus(p[3], p[1]), df = outer(d, f);
+        realv over = rsqrt(fmax(inner(df, df), (realv)TINY));
+        lanes3 normal = times(over, df);
+        for (int a = 0; a < 4; a++) {
+            int b = (a + 1) & 3;
+            quad_corner(e[a], e[b], normal, inverse[a], inverse[b], goal, power, &sum, &ge[a], &ge[b], &gn);
+        }
+        store(sum, energy, first, m - first);
+        gn = times(over, minus(gn, times(inner(gn, normal), normal)));
+        lanes3 gd = outer(f, gn), gf = outer(gn, d);
+        for (int a = 0; a < 4; a++) {
+            lanes3 g = minus(ge[(a + 3) & 3], ge[a]);
+            add(&g, times(a < 2 ? -1 : 1, a & 1 ? gf : gd));
+            give(g, gradient, 4, m, a, first);
+        }
     }
 }
 
 // Gradient (3, n) by node: the sum of what its elements gave, less what would push it off the level set or the curve.
-__kernel void node_gradient(__global const real *values, int m, __global const int *start, __global const int *slots,
+__kernel void node_gradient(__global const real *values, int k, int m, __global const int *start, __global const int *slots,
                             __global const real *normal, __global const real *slack, __global const int *levels, int n,
                             __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
         return;
-    size_t plane = 8 * (size_t)m, second = n, third = 2 * second;
+    size_t plane = (size_t)k * m, second = n, third = 2 * second;
     real gx = 0, gy = 0, gz = 0;
     for (int s = start[i], end = start[i + 1]; s < end; s++) {
         size_t at = slots[s];

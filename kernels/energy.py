@@ -1,7 +1,8 @@
-"""What hexes lack in scaled Jacobian and in even edges, and the gradient of it by their nodes.
+"""What hexes and quads lack in scaled Jacobian and in even edges, and the gradient of it by their nodes.
 
-Coordinates are planes (3, n). ``nodes`` is (8, m): plane a holds the number of vertex a of each element, in VTK's
-order. ``start`` (n + 1) and ``slots`` say where the elements of each node are: slot a m + e for vertex a of element e.
+Coordinates are planes (3, n). ``nodes`` is (k, m): plane a holds the number of vertex a of each element, of k = 8 or
+4, in VTK's order. ``start`` (n + 1) and ``slots`` say where the elements of each node are: slot a m + e for vertex a
+of element e.
 """
 
 from typing import Any
@@ -52,19 +53,24 @@ def lacks(u: Any, v: Any, w: Any, goal: Any, power: wp.int32):
 
 
 @wp.func
+def falls(short: Any, power: wp.int32):
+    """Derivative of ``short``^power, power 2 or 4, by what it falls short of."""
+    return wp.where(power == 2, type(short)(-2.0) * short, type(short)(-4.0) * short * short * short)
+
+
+@wp.func
 def pull(u: Any, v: Any, w: Any, length: Any, goal: Any, power: wp.int32):
     """Derivative of ``lacks`` by the edge u, whose inverse length is given."""
     vw = wp.cross(v, w)
-    short = shortfall(u, v, w, goal)
-    slope = wp.where(power == 2, type(goal)(-2.0) * short, type(goal)(-4.0) * short * short * short)
+    slope = falls(shortfall(u, v, w, goal), power)
     return (slope * length) * (vw - wp.dot(u, vw) * u)
 
 
 @wp.func
-def give(g: Any, gradient: wp.array(dtype=Any), m: wp.int32, a: wp.int32, e: wp.int32):
+def give(g: Any, gradient: wp.array(dtype=Any), k: wp.int32, m: wp.int32, a: wp.int32, e: wp.int32):
     gradient[a * m + e] = g[0]
-    gradient[(8 + a) * m + e] = g[1]
-    gradient[(16 + a) * m + e] = g[2]
+    gradient[(k + a) * m + e] = g[1]
+    gradient[(2 * k + a) * m + e] = g[2]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -192,19 +198,99 @@ def hex_energy(
     gv2 = gv2 + pull(v2, w3, u3, iv2, goal, power)
     gw3 = gw3 + pull(w3, u3, v2, iw3, goal, power)
     energy[e] = total
-    give(-gu0 - gv0 - gw0, gradient, m, 0, e)
-    give(gu0 - gv1 - gw1, gradient, m, 1, e)
-    give(gu1 + gv1 - gw2, gradient, m, 2, e)
-    give(-gu1 + gv0 - gw3, gradient, m, 3, e)
-    give(-gu2 - gv2 + gw0, gradient, m, 4, e)
-    give(gu2 - gv3 + gw1, gradient, m, 5, e)
-    give(gu3 + gv3 + gw2, gradient, m, 6, e)
-    give(-gu3 + gv2 + gw3, gradient, m, 7, e)
+    give(-gu0 - gv0 - gw0, gradient, 8, m, 0, e)
+    give(gu0 - gv1 - gw1, gradient, 8, m, 1, e)
+    give(gu1 + gv1 - gw2, gradient, 8, m, 2, e)
+    give(-gu1 + gv0 - gw3, gradient, 8, m, 3, e)
+    give(-gu2 - gv2 + gw0, gradient, 8, m, 4, e)
+    give(gu2 - gv3 + gw1, gradient, 8, m, 5, e)
+    give(gu3 + gv3 + gw2, gradient, 8, m, 6, e)
+    give(-gu3 + gv2 + gw3, gradient, 8, m, 7, e)
+
+
+@wp.func
+def flat_pull(a: Any, b: Any, normal: Any, goal: Any, power: wp.int32, inverse: Any):
+    """Derivative by the edge a of a quad, whose inverse length is given, of what its corner with b lacks.
+
+    For b before a, the normal is to be turned over.
+    """
+    short = shortfall(normal, a, b, goal)
+    jacobian = wp.dot(normal, wp.cross(a, b))
+    return (falls(short, power) * inverse) * (wp.cross(b, normal) - jacobian * a)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def quad_energy(
+    x: wp.array(dtype=Any),
+    n: wp.int32,
+    nodes: wp.array(dtype=wp.int32),
+    m: wp.int32,
+    log_lengths: wp.array(dtype=Any),
+    goal: Any,
+    power: wp.int32,
+    weight: Any,
+    energy: wp.array(dtype=Any),
+    gradient: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """The same of quads in space, whose corners are measured against the normal at the centre.
+
+    log_lengths (2, m), gradient (3, 4, m).
+    """
+    e = wp.tid() + first
+    p0 = vertex(x, n, nodes, m, e, 0)
+    p1 = vertex(x, n, nodes, m, e, 1)
+    p2 = vertex(x, n, nodes, m, e, 2)
+    p3 = vertex(x, n, nodes, m, e, 3)
+    lu = log_lengths[e]
+    lv = log_lengths[m + e]
+    d0 = p1 - p0
+    d1 = p2 - p1
+    d2 = p3 - p2
+    d3 = p0 - p3
+    total = weight * (off_target(d0, lu) * off_target(d0, lu) + off_target(d1, lv) * off_target(d1, lv))
+    total = total + weight * (off_target(d2, lu) * off_target(d2, lu) + off_target(d3, lv) * off_target(d3, lv))
+    g0 = edge_pull(d0, lu, weight)
+    g1 = edge_pull(d1, lv, weight)
+    g2 = edge_pull(d2, lu, weight)
+    g3 = edge_pull(d3, lv, weight)
+    i0 = inverse_length(d0)
+    i1 = inverse_length(d1)
+    i2 = inverse_length(d2)
+    i3 = inverse_length(d3)
+    e0 = i0 * d0
+    e1 = i1 * d1
+    e2 = i2 * d2
+    e3 = i3 * d3
+    d = p2 - p0
+    f = p3 - p1
+    df = wp.cross(d, f)
+    over = inverse_length(df)
+    normal = over * df
+    total = total + lacks(normal, e0, e1, goal, power) + lacks(normal, e1, e2, goal, power)
+    total = total + lacks(normal, e2, e3, goal, power) + lacks(normal, e3, e0, goal, power)
+    g0 = g0 + flat_pull(e0, e1, normal, goal, power, i0) + flat_pull(e0, e3, -normal, goal, power, i0)
+    g1 = g1 + flat_pull(e1, e2, normal, goal, power, i1) + flat_pull(e1, e0, -normal, goal, power, i1)
+    g2 = g2 + flat_pull(e2, e3, normal, goal, power, i2) + flat_pull(e2, e1, -normal, goal, power, i2)
+    g3 = g3 + flat_pull(e3, e0, normal, goal, power, i3) + flat_pull(e3, e2, -normal, goal, power, i3)
+    gn = falls(shortfall(normal, e0, e1, goal), power) * wp.cross(e0, e1)
+    gn = gn + falls(shortfall(normal, e1, e2, goal), power) * wp.cross(e1, e2)
+    gn = gn + falls(shortfall(normal, e2, e3, goal), power) * wp.cross(e2, e3)
+    gn = gn + falls(shortfall(normal, e3, e0, goal), power) * wp.cross(e3, e0)
+    gn = over * (gn - wp.dot(gn, normal) * normal)
+    gd = wp.cross(f, gn)
+    gf = wp.cross(gn, d)
+    energy[e] = total
+    give(g3 - g0 - gd, gradient, 4, m, 0, e)
+    give(g0 - g1 - gf, gradient, 4, m, 1, e)
+    give(g1 - g2 + gd, gradient, 4, m, 2, e)
+    give(g2 - g3 + gf, gradient, 4, m, 3, e)
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def node_gradient(
     values: wp.array(dtype=Any),
+    k: wp.int32,
     m: wp.int32,
     start: wp.array(dtype=wp.int32),
     slots: wp.array(dtype=wp.int32),
@@ -224,8 +310,8 @@ def node_gradient(
     for s in range(start[i], start[i + 1]):
         at = slots[s]
         gx = gx + values[at]
-        gy = gy + values[8 * m + at]
-        gz = gz + values[16 * m + at]
+        gy = gy + values[k * m + at]
+        gz = gz + values[2 * k * m + at]
     nx = normal[i]
     ny = normal[n + i]
     nz = normal[2 * n + i]

@@ -1,19 +1,18 @@
-// Better hexes by moving nodes: nodes that slide on a level set, and moves of single nodes that raise the worst corner round
-// them; the energy that they descend is in energy.cl.
+// Better elements by moving nodes: nodes that slide on what holds them, and moves of single nodes that raise the worst corner
+// round them; the energy that they descend is in energy.cl.
 //
-// Coordinates are planes (3, n). `nodes` is (8, m): plane a holds the number of vertex a of each element, in VTK's order.
-// `start` (n + 1) and `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
+// Coordinates are planes (3, n). Where there are pieces to walk on, x is (4, n): places on the flat pieces, and in the last
+// plane the piece that each node is on; y (3, n) is where the curved pieces have it. Elsewhere y is x. `nodes` is (k, m): plane a holds the number of vertex a of each element, 4 or 8, in VTK's order. `start` (n + 1) and
+// `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
 // `slack` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
-// `volume` samples one level or more, one after another; `levels` (2, n) says which one holds each node, and the second one
-// of a node on the curve where two meet, else -1. `to_index` is the row-major 3x4 map from coordinates to the index (i, j, k).
+// `levels` (2, n) says which level holds each node, and the second one of a node on the curve where two meet, else -1; where
+// there are pieces, that it is on a curve. The rest is said in hold.h.
 
-#define FREE ((real)1e6)
-#define TINY ((real)1e-20)
-#define NEWTON_STEPS 3
+#include "hold.h"
 
-// out = x + a d, no node farther than `cap` times its `size` (n).
-__kernel void move(__global const real *x, __global const real *d, int n, real a, real cap, __global const real *size,
-                   __global real *out)
+// out = x + a d, no node farther than `cap` times its `size` (n); planes of x beyond the third are copied.
+__kernel void move(__global const real *x, int planes, __global const real *d, int n, real a, real cap,
+                   __global const real *size, __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
@@ -25,101 +24,39 @@ __kernel void move(__global const real *x, __global const real *d, int n, real a
     out[i] = x[i] + share * dx;
     out[second] = x[second] + share * dy;
     out[third] = x[third] + share * dz;
+    if (planes > 3)
+        out[3 * (size_t)n + i] = x[3 * (size_t)n + i];
 }
 
-typedef struct { real x, y, z; } point;
-
-// The level at p and its gradient.
-inline real level_at(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, point p, point *g)
-{
-    real ti = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3];
-    real tj = m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7];
-    real tk = m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11];
-    ti = fmin(fmax(ti, (real)0), (real)(n_i - 1));
-    tj = fmin(fmax(tj, (real)0), (real)(n_j - 1));
-    tk = fmin(fmax(tk, (real)0), (real)(n_k - 1));
-    int i = min((int)ti, n_i - 2), j = min((int)tj, n_j - 2), k = min((int)tk, n_k - 2);
-    real a = ti - i, b = tj - j, c = tk - k;
-    __global const real *near = volume + ((size_t)k * n_j + j) * n_i + i, *far = near + (size_t)n_i * n_j;
-    real d00 = near[1] - near[0], d10 = near[n_i + 1] - near[n_i];
-    real d01 = far[1] - far[0], d11 = far[n_i + 1] - far[n_i];
-    real e00 = near[0] + a * d00, e10 = near[n_i] + a * d10, e01 = far[0] + a * d01, e11 = far[n_i] + a * d11;
-    real f0 = e00 + b * (e10 - e00), f1 = e01 + b * (e11 - e01);
-    real gi = (1 - c) * (d00 + b * (d10 - d00)) + c * (d01 + b * (d11 - d01));
-    real gj = (1 - c) * (e10 - e00) + c * (e11 - e01), gk = f1 - f0;
-    g->x = m[0] * gi + m[4] * gj + m[8] * gk;
-    g->y = m[1] * gi + m[5] * gj + m[9] * gk;
-    g->z = m[2] * gi + m[6] * gj + m[10] * gk;
-    return f0 + c * (f1 - f0);
-}
-
-// Brings p within `slack` of the zero level; `normal` points out of what is allowed, and is 0 inside of it.
-inline point held(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, point p, real slack,
-                  point *normal)
-{
-    point g = {0, 0, 0};
-    real side = 0;
-    for (int step = 0; step < NEWTON_STEPS; step++) {
-        real phi = level_at(volume, n_i, n_j, n_k, m, p, &g);
-        real off = phi - fmin(fmax(phi, -slack), slack);
-        if (off != 0)
-            side = off > 0 ? 1 : -1;
-        real share = off / fmax(g.x * g.x + g.y * g.y + g.z * g.z, (real)0.04);
-        p.x -= share * g.x;
-        p.y -= share * g.y;
-        p.z -= share * g.z;
-    }
-    if (slack == 0)
-        side = 1;
-    real scale = side * rsqrt(fmax(g.x * g.x + g.y * g.y + g.z * g.z, TINY));
-    normal->x = scale * g.x;
-    normal->y = scale * g.y;
-    normal->z = scale * g.z;
-    return p;
-}
-
-// The same on the level `one`, and where `other` is not negative on both levels: `normal` is the curve's direction then,
-// or with slack that of a level whose end is reached.
-inline point held_on(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, int one, int other,
-                     point p, real slack, point *normal)
-{
-    size_t size = (size_t)n_i * n_j * n_k;
-    p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, normal);
-    if (other < 0)
-        return p;
-    point a, b;
-    for (int turn = 0; turn < 2; turn++) {
-        p = held(volume + other * size, n_i, n_j, n_k, m, p, slack, &b);
-        p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, &a);
-    }
-    if (slack > 0) {
-        *normal = a.x != 0 || a.y != 0 || a.z != 0 ? a : b;
-        return p;
-    }
-    point along = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    real scale = rsqrt(fmax(along.x * along.x + along.y * along.y + along.z * along.z, TINY));
-    normal->x = scale * along.x;
-    normal->y = scale * along.y;
-    normal->z = scale * along.z;
-    return p;
-}
-
-// Brings nodes back to within their slack of the zero level, and gives the normals (3, n) there, 0 for those that are free.
+// Brings nodes back to within their slack of what holds them, and gives the normals (3, n) there, 0 for those that are free;
+// of a curve its direction.
 __kernel void slide(__global real *x, int n, __global const real *slack, __global const int *levels,
                     __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
-                    __global real *normal)
+                    __global const real *pieces, int n_pieces, __global const int *around_start,
+                    __global const int *around, __global real *y, __global real *normal)
 {
     int i = get_global_id(0);
     if (i >= n)
         return;
     size_t second = (size_t)n + i, third = 2 * (size_t)n + i;
-    point out = {0, 0, 0};
+    point out = {0, 0, 0}, p = {x[i], x[second], x[third]}, q = p;
     if (slack[i] >= 0 && slack[i] < FREE) {
-        point p = {x[i], x[second], x[third]};
-        p = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[second], p, slack[i], &out);
+        if (n_pieces > 0) {
+            int piece = (int)x[3 * (size_t)n + i], is_curve = levels[second] >= 0;
+            p = walked(p, pieces, n_pieces, around_start, around, is_curve, &piece);
+            q = lifted(p, pieces, n_pieces, piece, is_curve, &out);
+            x[3 * (size_t)n + i] = piece;
+        } else {
+            p = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[second], p, slack[i], &out);
+        }
         x[i] = p.x;
         x[second] = p.y;
         x[third] = p.z;
+    }
+    if (n_pieces > 0) {
+        y[i] = q.x;
+        y[second] = q.y;
+        y[third] = q.z;
     }
     normal[i] = out.x;
     normal[second] = out.y;
@@ -134,15 +71,12 @@ inline point at_node(__global const real *x, int n, int node)
 
 inline point toward(point from, point to)
 {
-    real dx = to.x - from.x, dy = to.y - from.y, dz = to.z - from.z;
-    real scale = rsqrt(fmax(dx * dx + dy * dy + dz * dz, TINY));
-    point e = {scale * dx, scale * dy, scale * dz};
-    return e;
+    return to_unit(minus(to, from));
 }
 
 inline real determinant(point a, point b, point c)
 {
-    return a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x);
+    return inner(a, outer(b, c));
 }
 
 inline int vtk_corner(int bits) // bits a + 2 b + 4 c of a corner at (a, b, c), and back
@@ -150,7 +84,7 @@ inline int vtk_corner(int bits) // bits a + 2 b + 4 c of a corner at (a, b, c), 
     return bits ^ (bits >> 1 & 1);
 }
 
-// Least scaled Jacobian of the corners that a node at p would have a part in.
+// Least scaled Jacobian of the corners of hexes that a node at p would have a part in.
 inline real least_round(__global const real *x, int n, __global const int *nodes, int m, __global const int *slots,
                         int begin, int end, point p)
 {
@@ -173,13 +107,44 @@ inline real least_round(__global const real *x, int n, __global const int *nodes
     return least;
 }
 
+// The same of quads, all of whose corners it has a part in through the normal at the centre.
+inline real least_quad(__global const real *x, int n, __global const int *nodes, int m, __global const int *slots,
+                       int begin, int end, point p)
+{
+    real least = 2;
+    for (int s = begin; s < end; s++) {
+        int e = slots[s] % m, own = slots[s] / m;
+        point q = at_node(x, n, nodes[(size_t)(own + 1 & 3) * m + e]);
+        point r = at_node(x, n, nodes[(size_t)(own + 2 & 3) * m + e]);
+        point t = at_node(x, n, nodes[(size_t)(own + 3 & 3) * m + e]);
+        point normal = to_unit(outer(minus(r, p), minus(t, q)));
+        point pq = toward(p, q), qr = toward(q, r), rt = toward(r, t), tp = toward(t, p);
+        least = fmin(least, fmin(determinant(normal, tp, pq), determinant(normal, pq, qr)));
+        least = fmin(least, fmin(determinant(normal, qr, rt), determinant(normal, rt, tp)));
+    }
+    return least;
+}
+
+// p moved along one of 14 ways: six along the axes, eight along the diagonals.
+inline point ahead(point p, int way, real step)
+{
+    real a = way < 6 ? step : step * (real)0.57735027, sign = way & 1 ? -1 : 1;
+    int bits = way - 6;
+    p.x += way < 6 ? (way / 2 == 0 ? sign * a : 0) : (bits & 1 ? a : -a);
+    p.y += way < 6 ? (way / 2 == 1 ? sign * a : 0) : (bits & 2 ? a : -a);
+    p.z += way < 6 ? (way / 2 == 2 ? sign * a : 0) : (bits & 4 ? a : -a);
+    return p;
+}
+
 // Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
 // corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` times the node's `size`
 // halved `halvings` times where none helps.
-__kernel void improve(__global real *x, int n, __global const int *nodes, int m, __global const int *start,
+__kernel void improve(__global real *x, __global real *y, int n, __global const int *nodes, int k, int m, __global const int *start,
                       __global const int *slots, __global const real *slack, __global const int *levels,
-                      __global const int *moved, int begin, int count, real floor, real step, __global const real *size, int halvings, int tries,
-                      __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index)
+                      __global const int *moved, int begin, int count, real floor, real step, __global const real *size,
+                      int halvings, int tries, __global const real *volume, int n_i, int n_j, int n_k,
+                      __global const real *to_index, __global const real *pieces, int n_pieces,
+                      __global const int *around_start, __global const int *around)
 {
     int item = get_global_id(0);
     if (item >= count)
@@ -188,33 +153,38 @@ __kernel void improve(__global real *x, int n, __global const int *nodes, int m,
     real loose = slack[i];
     if (loose < 0)
         return;
-    int first = start[i], last = start[i + 1];
+    int first = start[i], last = start[i + 1], walks = n_pieces > 0 && loose < FREE, is_curve = levels[(size_t)n + i] >= 0;
+    int piece = walks ? (int)x[3 * (size_t)n + i] : 0;
     step *= size[i];
-    point p = at_node(x, n, i);
-    real least = least_round(x, n, nodes, m, slots, first, last, p);
+    point p = at_node(x, n, i), seen = at_node(y, n, i);
+    real least = k == 4 ? least_quad(y, n, nodes, m, slots, first, last, seen)
+                        : least_round(y, n, nodes, m, slots, first, last, seen);
     for (int turn = 0, halved = 0; turn < tries && halved <= halvings && least < floor; turn++) {
-        point best = p;
+        point best = p, best_seen = seen, normal;
         real best_least = least;
+        int best_piece = piece;
         for (int way = 0; way < 14; way++) {
-            // six along the axes, eight along the diagonals
-            real a = way < 6 ? step : step * (real)0.57735027;
-            point q = p, normal;
-            int bits = way - 6;
-            real sign = way & 1 ? -1 : 1;
-            q.x += way < 6 ? (way / 2 == 0 ? sign * a : 0) : (bits & 1 ? a : -a);
-            q.y += way < 6 ? (way / 2 == 1 ? sign * a : 0) : (bits & 2 ? a : -a);
-            q.z += way < 6 ? (way / 2 == 2 ? sign * a : 0) : (bits & 4 ? a : -a);
-            if (loose < FREE)
+            point q = ahead(p, way, step), r;
+            int at = piece;
+            if (walks)
+                q = walked(q, pieces, n_pieces, around_start, around, is_curve, &at);
+            else if (loose < FREE)
                 q = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[(size_t)n + i], q, loose, &normal);
-            real value = least_round(x, n, nodes, m, slots, first, last, q);
+            r = walks ? lifted(q, pieces, n_pieces, at, is_curve, &normal) : q;
+            real value = k == 4 ? least_quad(y, n, nodes, m, slots, first, last, r)
+                                : least_round(y, n, nodes, m, slots, first, last, r);
             if (value > best_least) {
                 best_least = value;
                 best = q;
+                best_seen = r;
+                best_piece = at;
             }
         }
         if (best_least > least) {
             least = best_least;
             p = best;
+            seen = best_seen;
+            piece = best_piece;
         } else {
             step *= (real)0.5;
             halved++;
@@ -223,4 +193,9 @@ __kernel void improve(__global real *x, int n, __global const int *nodes, int m,
     x[i] = p.x;
     x[(size_t)n + i] = p.y;
     x[2 * (size_t)n + i] = p.z;
+    y[i] = seen.x;
+    y[(size_t)n + i] = seen.y;
+    y[2 * (size_t)n + i] = seen.z;
+    if (walks)
+        x[3 * (size_t)n + i] = piece;
 }

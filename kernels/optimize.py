@@ -1,14 +1,15 @@
-"""Better hexes by moving nodes.
+"""Better elements by moving nodes.
 
-Nodes that slide on a level set, and moves of single nodes that raise the worst corner round them; the energy that they
-descend is in ``energy``.
+Nodes that slide on what holds them, and moves of single nodes that raise the worst corner round them; the energy that
+they descend is in ``energy``.
 
-Coordinates are planes (3, n). ``nodes`` is (8, m): plane a holds the number of vertex a of each element, in VTK's
-order. ``start`` (n + 1) and ``slots`` say where the elements of each node are: slot a m + e for vertex a of element e.
-``slack`` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
-``volume`` samples one level or more, one after another; ``levels`` (2, n) says which one holds each node, and the
-second one of a node on the curve where two meet, else -1. ``to_index`` is the row-major 3x4 map from coordinates to
-the index (i, j, k).
+Coordinates are planes (3, n). Where there are pieces to walk on, x is (4, n): places on the flat pieces, and in the
+last plane the piece that each node is on; y (3, n) is where the curved pieces have it. Elsewhere y is x. ``nodes`` is
+(k, m): plane a holds the number of vertex a of each element, 4 or 8, in VTK's order. ``start`` (n + 1) and ``slots``
+say where the elements of each node are: slot a m + e for vertex a of element e. ``slack`` (n) says how far a node may
+be from the zero level: FREE or more lets it go anywhere, below 0 it stays. ``levels`` (2, n) says which level holds
+each node, and the second one of a node on the curve where two meet, else -1; where there are pieces, that it is on a
+curve. The rest is said in ``hold``.
 """
 
 from typing import Any
@@ -16,16 +17,15 @@ from typing import Any
 import warp as wp
 
 from gpubspline.kernels.energy import at_node, inverse_length, vertex
+from gpubspline.kernels.hold import FREE, held_on, lifted, walked
 
-FREE = wp.constant(wp.float64(1e6))
-LEAST_SLOPE = wp.constant(wp.float64(0.04))
 DIAGONAL = wp.constant(wp.float64(0.57735027))
-NEWTON_STEPS = wp.constant(3)
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def move(
     x: wp.array(dtype=Any),
+    planes: wp.int32,
     d: wp.array(dtype=Any),
     n: wp.int32,
     a: Any,
@@ -34,7 +34,7 @@ def move(
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """X + a d, no node farther than ``cap`` times its ``size`` (n)."""
+    """X + a d, no node farther than ``cap`` times its ``size`` (n); planes of x beyond the third are copied."""
     i = wp.tid() + first
     step = a * at_node(d, n, i)
     length = wp.sqrt(wp.dot(step, step))
@@ -43,115 +43,8 @@ def move(
     out[i] = x[i] + step[0]
     out[n + i] = x[n + i] + step[1]
     out[2 * n + i] = x[2 * n + i] + step[2]
-
-
-@wp.func
-def level_at(
-    volume: wp.array(dtype=Any),
-    level: wp.int32,
-    n_i: wp.int32,
-    n_j: wp.int32,
-    n_k: wp.int32,
-    to_index: wp.array(dtype=Any),
-    p: Any,
-):
-    """The level at p, then its gradient."""
-    none = type(p[0])(0.0)
-    t_i = to_index[0] * p[0] + to_index[1] * p[1] + to_index[2] * p[2] + to_index[3]
-    t_j = to_index[4] * p[0] + to_index[5] * p[1] + to_index[6] * p[2] + to_index[7]
-    t_k = to_index[8] * p[0] + to_index[9] * p[1] + to_index[10] * p[2] + to_index[11]
-    t_i = wp.min(wp.max(t_i, none), type(t_i)(n_i - 1))
-    t_j = wp.min(wp.max(t_j, none), type(t_i)(n_j - 1))
-    t_k = wp.min(wp.max(t_k, none), type(t_i)(n_k - 1))
-    i = wp.min(wp.int32(t_i), n_i - 2)
-    j = wp.min(wp.int32(t_j), n_j - 2)
-    k = wp.min(wp.int32(t_k), n_k - 2)
-    a = t_i - type(t_i)(i)
-    b = t_j - type(t_i)(j)
-    c = t_k - type(t_i)(k)
-    row = wp.int64(n_i)
-    near = ((wp.int64(level) * wp.int64(n_k) + wp.int64(k)) * wp.int64(n_j) + wp.int64(j)) * row + wp.int64(i)
-    far = near + row * wp.int64(n_j)
-    one = wp.int64(1)
-    d00 = volume[near + one] - volume[near]
-    d10 = volume[near + row + one] - volume[near + row]
-    d01 = volume[far + one] - volume[far]
-    d11 = volume[far + row + one] - volume[far + row]
-    e00 = volume[near] + a * d00
-    e10 = volume[near + row] + a * d10
-    e01 = volume[far] + a * d01
-    e11 = volume[far + row] + a * d11
-    f0 = e00 + b * (e10 - e00)
-    f1 = e01 + b * (e11 - e01)
-    rest = type(t_i)(1.0) - c
-    g_i = rest * (d00 + b * (d10 - d00)) + c * (d01 + b * (d11 - d01))
-    g_j = rest * (e10 - e00) + c * (e11 - e01)
-    g_k = f1 - f0
-    gx = to_index[0] * g_i + to_index[4] * g_j + to_index[8] * g_k
-    gy = to_index[1] * g_i + to_index[5] * g_j + to_index[9] * g_k
-    gz = to_index[2] * g_i + to_index[6] * g_j + to_index[10] * g_k
-    return f0 + c * (f1 - f0), wp.vector(gx, gy, gz)
-
-
-@wp.func
-def held(
-    volume: wp.array(dtype=Any),
-    level: wp.int32,
-    n_i: wp.int32,
-    n_j: wp.int32,
-    n_k: wp.int32,
-    to_index: wp.array(dtype=Any),
-    p: Any,
-    slack: Any,
-):
-    """P brought within ``slack`` of the zero level, and the normal out of what is allowed, 0 inside of it."""
-    one = type(slack)(1.0)
-    side = type(slack)(0.0)
-    q = p
-    g = type(slack)(0.0) * p
-    for _step in range(NEWTON_STEPS):
-        phi, slope = level_at(volume, level, n_i, n_j, n_k, to_index, q)
-        g = slope
-        off = phi - wp.min(wp.max(phi, -slack), slack)
-        if off > type(slack)(0.0):
-            side = one
-        if off < type(slack)(0.0):
-            side = -one
-        q = q - (off / wp.max(wp.dot(g, g), type(slack)(LEAST_SLOPE))) * g
-    if slack == type(slack)(0.0):
-        side = one
-    return q, (side * inverse_length(g)) * g
-
-
-@wp.func
-def held_on(
-    volume: wp.array(dtype=Any),
-    n_i: wp.int32,
-    n_j: wp.int32,
-    n_k: wp.int32,
-    to_index: wp.array(dtype=Any),
-    one: wp.int32,
-    other: wp.int32,
-    p: Any,
-    slack: Any,
-):
-    """Hold p on the level ``one``, and where ``other`` is not negative on both.
-
-    The normal is the curve's direction then, or with slack that of a level whose end is reached.
-    """
-    q, normal = held(volume, one, n_i, n_j, n_k, to_index, p, slack)
-    if other >= 0:
-        across = normal
-        for _turn in range(2):
-            r, across = held(volume, other, n_i, n_j, n_k, to_index, q, slack)
-            q, normal = held(volume, one, n_i, n_j, n_k, to_index, r, slack)
-        if slack > type(slack)(0.0):
-            if wp.dot(normal, normal) == type(slack)(0.0):
-                normal = across
-        else:
-            along = wp.cross(normal, across)
-            normal = inverse_length(along) * along
-    return q, normal
+    if planes > 3:
+        out[3 * n + i] = x[3 * n + i]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -165,21 +58,38 @@ def slide(
     n_j: wp.int32,
     n_k: wp.int32,
     to_index: wp.array(dtype=Any),
+    pieces: wp.array(dtype=Any),
+    n_pieces: wp.int32,
+    around_start: wp.array(dtype=wp.int32),
+    around: wp.array(dtype=wp.int32),
+    y: wp.array(dtype=Any),
     normal: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Brings nodes back to within their slack of the zero level, and gives the normals (3, n) there.
+    """Brings nodes back to within their slack of what holds them, and gives the normals (3, n) there.
 
-    They are 0 for nodes that are free.
+    They are 0 for nodes that are free; of a curve its direction.
     """
     i = wp.tid() + first
     none = x.dtype(0.0)
     out = wp.vector(none, none, none)
+    p = at_node(x, n, i)
+    q = p
     if slack[i] >= none and slack[i] < x.dtype(FREE):
-        p, out = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[n + i], at_node(x, n, i), slack[i])
+        if n_pieces > 0:
+            is_curve = wp.where(levels[n + i] >= 0, 1, 0)
+            p, piece = walked(p, pieces, n_pieces, around_start, around, is_curve, wp.int32(x[3 * n + i]))
+            q, out = lifted(p, pieces, n_pieces, piece, is_curve)
+            x[3 * n + i] = x.dtype(piece)
+        else:
+            p, out = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[n + i], p, slack[i])
         x[i] = p[0]
         x[n + i] = p[1]
         x[2 * n + i] = p[2]
+    if n_pieces > 0:
+        y[i] = q[0]
+        y[n + i] = q[1]
+        y[2 * n + i] = q[2]
     normal[i] = out[0]
     normal[n + i] = out[1]
     normal[2 * n + i] = out[2]
@@ -212,7 +122,7 @@ def least_round(
     end: wp.int32,
     p: Any,
 ):
-    """Least scaled Jacobian of the corners that a node at p would have a part in."""
+    """Least scaled Jacobian of the corners of hexes that a node at p would have a part in."""
     least = type(p[0])(2.0)
     for s in range(begin, end):
         e = slots[s] % m
@@ -231,6 +141,56 @@ def least_round(
         least = wp.min(least, sign * determinant(pu, toward(u, uv), toward(u, uw)))
         least = wp.min(least, sign * determinant(toward(v, uv), pv, toward(v, vw)))
         least = wp.min(least, sign * determinant(toward(w, uw), toward(w, vw), pw))
+    return least
+
+
+@wp.func
+def least_quad(
+    x: wp.array(dtype=Any),
+    n: wp.int32,
+    nodes: wp.array(dtype=wp.int32),
+    m: wp.int32,
+    slots: wp.array(dtype=wp.int32),
+    begin: wp.int32,
+    end: wp.int32,
+    p: Any,
+):
+    """The same of quads, all of whose corners it has a part in through the normal at the centre."""
+    least = type(p[0])(2.0)
+    for s in range(begin, end):
+        e = slots[s] % m
+        own = slots[s] // m
+        q = vertex(x, n, nodes, m, e, (own + 1) & 3)
+        r = vertex(x, n, nodes, m, e, (own + 2) & 3)
+        t = vertex(x, n, nodes, m, e, (own + 3) & 3)
+        across = wp.cross(r - p, t - q)
+        normal = inverse_length(across) * across
+        pq = toward(p, q)
+        qr = toward(q, r)
+        rt = toward(r, t)
+        tp = toward(t, p)
+        least = wp.min(least, wp.min(determinant(normal, tp, pq), determinant(normal, pq, qr)))
+        least = wp.min(least, wp.min(determinant(normal, qr, rt), determinant(normal, rt, tp)))
+    return least
+
+
+@wp.func
+def least_at(
+    x: wp.array(dtype=Any),
+    n: wp.int32,
+    nodes: wp.array(dtype=wp.int32),
+    k: wp.int32,
+    m: wp.int32,
+    slots: wp.array(dtype=wp.int32),
+    begin: wp.int32,
+    end: wp.int32,
+    p: Any,
+):
+    least = type(p[0])(2.0)
+    if k == 4:
+        least = least_quad(x, n, nodes, m, slots, begin, end, p)
+    else:
+        least = least_round(x, n, nodes, m, slots, begin, end, p)
     return least
 
 
@@ -254,8 +214,10 @@ def ahead(way: wp.int32, step: Any):
 @wp.kernel(enable_backward=False, module="unique")
 def improve(
     x: wp.array(dtype=Any),
+    y: wp.array(dtype=Any),
     n: wp.int32,
     nodes: wp.array(dtype=wp.int32),
+    k: wp.int32,
     m: wp.int32,
     start: wp.array(dtype=wp.int32),
     slots: wp.array(dtype=wp.int32),
@@ -274,6 +236,10 @@ def improve(
     n_j: wp.int32,
     n_k: wp.int32,
     to_index: wp.array(dtype=Any),
+    pieces: wp.array(dtype=Any),
+    n_pieces: wp.int32,
+    around_start: wp.array(dtype=wp.int32),
+    around: wp.array(dtype=wp.int32),
     first: wp.int32,
 ):
     """Raise the least scaled Jacobian round each of the nodes ``moved`` (count), no two of which share an element.
@@ -285,28 +251,51 @@ def improve(
     loose = slack[i]
     if loose < x.dtype(0.0):
         return
+    is_curve = wp.where(levels[n + i] >= 0, 1, 0)
+    walks = n_pieces > 0 and loose < x.dtype(FREE)
+    piece = wp.int32(0)
+    if walks:
+        piece = wp.int32(x[3 * n + i])
     p = at_node(x, n, i)
-    least = least_round(x, n, nodes, m, slots, start[i], start[i + 1], p)
+    seen = at_node(y, n, i)
+    least = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], seen)
     length = size[i] * step
     halved = wp.int32(0)
     for _turn in range(tries):
         if halved <= halvings and least < floor:
             best = p
+            best_seen = seen
             best_least = least
+            best_piece = piece
             for way in range(14):
                 q = p + ahead(way, length)
-                if loose < x.dtype(FREE):
+                at = piece
+                if walks:
+                    q, at = walked(q, pieces, n_pieces, around_start, around, is_curve, piece)
+                elif loose < x.dtype(FREE):
                     q, _normal = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[n + i], q, loose)
-                value = least_round(x, n, nodes, m, slots, start[i], start[i + 1], q)
+                r = q
+                if walks:
+                    r, _normal = lifted(q, pieces, n_pieces, at, is_curve)
+                value = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], r)
                 if value > best_least:
                     best_least = value
                     best = q
+                    best_seen = r
+                    best_piece = at
             if best_least > least:
                 least = best_least
                 p = best
+                seen = best_seen
+                piece = best_piece
             else:
                 length = length * x.dtype(0.5)
                 halved = halved + 1
     x[i] = p[0]
     x[n + i] = p[1]
     x[2 * n + i] = p[2]
+    y[i] = seen[0]
+    y[n + i] = seen[1]
+    y[2 * n + i] = seen[2]
+    if walks:
+        x[3 * n + i] = x.dtype(piece)

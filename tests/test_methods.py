@@ -268,7 +268,7 @@ def test_optimize_at_the_command_line(run, fork_file, tmp_path):
     status, out, _ = run("mesh", fork_file, *words, *files)
     figures = json.loads((tmp_path / "s.json").read_text())
     done = figures["optimized"]
-    assert status == 0 and "optimized  worst hex from" in out and figures["method"]["name"] == "butterfly"
+    assert status == 0 and "optimized  worst element from" in out and figures["method"]["name"] == "butterfly"
     assert done["before"] < done["after"] == pytest.approx(figures["scaled_jacobian"]["min"], abs=1e-3)
     assert done["boundary_mm"] < 0.1
     status, said, err = run("mesh", fork_file, "--threshold", 0, "--method", "blocks", "--optimize", *files[:2])

@@ -56,15 +56,22 @@ def sample_patch(
     nodes = sampling.nodes or patch.shape
     with clock.stage("sample"):
         mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
-    return finish(mesh, sampling, device, clock, body)
+    return finish(mesh, sampling, device, clock, body, patch)
 
 
-def finish(mesh: Mesh, sampling: Sampling, device: Device, clock: Clock, body: Body | None = None) -> Model:
+def finish(
+    mesh: Mesh,
+    sampling: Sampling,
+    device: Device,
+    clock: Clock,
+    body: Body | None = None,
+    patch: Hyperpatch | None = None,
+) -> Model:
     """Map the material onto a mesh, judge its elements and its distance from the body; without HU no material."""
     law, calibrated, alarms, optimized = None, None, None, None
     if sampling.optimize:
         with clock.stage("optimize"):
-            mesh, optimized = optimize(mesh, device)
+            mesh, optimized = optimize(mesh, device, patch=patch)
     with clock.stage("material"):
         if "HU" in mesh.fields:
             sampling, calibrated = calibrate(sampling, body)

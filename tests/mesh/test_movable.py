@@ -134,3 +134,44 @@ def test_slots_name_each_vertex_of_each_hex_once():
     owner = np.repeat(np.arange(len(points)), np.diff(start))
     vertex, element = np.divmod(slots, len(cells))
     assert np.array_equal(cells[element, vertex], owner)
+
+
+def quad_oracle(points, cells, goal, log_lengths):
+    """Energy of quads in space, slow and obvious."""
+    total = 0.0
+    for cell, lengths in zip(cells, log_lengths.T, strict=True):
+        x = points[cell]
+        edges = np.roll(x, -1, axis=0) - x
+        units = edges / np.linalg.norm(edges, axis=1)[:, None]
+        normal = np.cross(x[2] - x[0], x[3] - x[1])
+        normal /= np.linalg.norm(normal)
+        for corner in range(4):
+            jacobian = np.dot(normal, np.cross(units[corner - 1], units[corner]))
+            total += max(0.0, goal.jacobian - jacobian) ** goal.power
+        total += goal.edges * np.sum((np.log((edges**2).sum(axis=1)) - np.tile(lengths, 2)) ** 2)
+    return total
+
+
+@pytest.mark.parametrize("goal", [Goal(1.0, 2, 0.05), Goal(0.9, 4, 0.0)])
+def test_energy_of_quads_and_gradient_against_the_oracle(goal, any_device):
+    """A bent sheet of 3 x 3, folded over in one place."""
+    v, u = np.meshgrid(*[np.arange(4.0)] * 2, indexing="ij")
+    points = np.stack([u, v, 0.2 * u * v], axis=-1).reshape(-1, 3)
+    points += np.random.default_rng(3).normal(size=points.shape) * 0.15
+    points[5] += [1.2, 0.9, 0.0]
+    first = (np.arange(3)[:, None] * 4 + np.arange(3)).ravel()
+    cells = (first[:, None] + [0, 1, 5, 4]).astype(np.int32)
+    lengths = np.random.default_rng(2).normal(size=(2, 9)) * 0.3
+    n = len(points)
+    quads = movable(cells, n, np.full(n, FREE), sphere_level(any_device), any_device, lengths)
+    energy, gradient = evaluate(quads, points, goal)
+    rounding = 1e-5 if any_device.real == np.float32 else 1e-12
+    assert energy == pytest.approx(quad_oracle(points, cells, goal, lengths), rel=rounding)
+    step, slopes = 1e-6, np.zeros_like(points)
+    for node, axis in np.ndindex(*points.shape):
+        moved = np.zeros_like(points)
+        moved[node, axis] = step
+        ends = [quad_oracle(points + sign * moved, cells, goal, lengths) for sign in (1, -1)]
+        slopes[node, axis] = (ends[0] - ends[1]) / (2 * step)
+    rounding = 3e-5 if any_device.real == np.float32 else 1e-7
+    assert np.abs(gradient - slopes).max() < rounding * np.abs(slopes).max()

@@ -98,7 +98,7 @@ def optimized_lines(done: dict[str, float] | None) -> list[str]:
     if done is None:
         return []
     return [
-        f"optimized  worst hex from {done['before']:.3f} to {done['after']:.3f}; the surface stayed within "
+        f"optimized  worst element from {done['before']:.3f} to {done['after']:.3f}; the surface stayed within "
         f"{done['boundary_mm']:.2g} mm"
     ]
 

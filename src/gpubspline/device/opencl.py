@@ -20,6 +20,7 @@ WIDE_LANES = 16  # in files that say so: as many floats as a vector of AVX-512 h
 WIDE = "// WIDE\n"
 CPU_RUN = 128  # vectors of the fastest dimension that a work item takes on a CPU
 GPU_GROUP = 64
+INCLUDE = re.compile(r'^#include "(\w+)\.h"$', re.MULTILINE)  # of gpubspline.kernels, wherever that is installed
 SIGNATURE = re.compile(r"__kernel\s+(__attribute__\(\(vec_type_hint\(realv\)\)\)\s+)?void\s+(\w+)\s*\(([^)]*)\)")
 
 
@@ -149,7 +150,7 @@ class OpenCLDevice:
             text = _source(file, package=package)
             lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
             self.on_build(kernel)
-            whole = _source("lanes", "h") + text
+            whole = _source("lanes", "h") + INCLUDE.sub(lambda found: _source(found[1], "h"), text)
             program = self._opencl.Program(self._context, whole).build(options=self._options(lanes))
             self.on_build("")
             for hint, name, _ in SIGNATURE.findall(text):

@@ -9,11 +9,12 @@ from gpubspline.mesh.movable import node_slots
 Floats = NDArray[np.float64]
 
 _SIGNS = np.array([(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
-"""Of the vertices of a hex along u, v, w; an eighth of them are the slopes of the shape functions at the centre."""
+"""Of the vertices of a hex along u, v, w, and of a quad the first four along u, v; one part in as many as there are
+vertices of them are the slopes of the shape functions at the centre."""
 
 
 def carry_fields(old: Mesh, points: Floats) -> dict[str, NDArray[np.float64]]:
-    """Values (n,) of each nodal field of hex8 at new places (n, 3) of its nodes.
+    """Values (n,) of each nodal field of hex8 or quad4 at new places (n, 3) of its nodes.
 
     To first order: exact for linear fields, and nothing changes for nodes that stay. The slope is that at the centre of
     the element, among those that the node belongs to, that holds its new place best. No value goes beyond the least
@@ -32,7 +33,7 @@ def carry_fields(old: Mesh, points: Floats) -> dict[str, NDArray[np.float64]]:
     carried = {}
     for name, field in old.fields.items():
         values = field.astype(np.float64)
-        slope = np.einsum("nk,kd,ndc->nc", values[cells], _SIGNS / 8, across)
+        slope = np.einsum("nk,kd,ndc->nc", values[cells], _slopes(cells.shape[1]), across)
         ahead = values[moved] + np.einsum("nc,nc->n", slope, way[moved])
         carried[name] = values.copy()
         carried[name][moved] = np.clip(ahead, values.min(), values.max())
@@ -60,6 +61,10 @@ def _elements_entered(
     return into
 
 
-def _tangents(hexes: Floats) -> Floats:
-    """Derivatives (n, 3, 3), coordinate by parameter, of hexes (n, 8, 3) at their centres."""
-    return np.asarray(np.einsum("nkc,kd->ncd", hexes, _SIGNS / 8))
+def _tangents(elements: Floats) -> Floats:
+    """Derivatives (n, 3, d), coordinate by parameter, of hexes (n, 8, 3) or quads (n, 4, 3) at their centres."""
+    return np.asarray(np.einsum("nkc,kd->ncd", elements, _slopes(elements.shape[1])))
+
+
+def _slopes(n_corners: int) -> Floats:
+    return _SIGNS[:n_corners, : 3 if n_corners == 8 else 2] / n_corners

@@ -44,6 +44,16 @@ POOR, SLACK = 0.6, (0.1, 0.2, 0.3)
 """The same for hexes that no floor below this was reached for."""
 
 
+TURNS = ((0.1, 1e-3), (0.2, 1e-3), (0.05, 1e-3), (0.1, 1e-4), (0.2, 1e-4), (0.05, 1e-4))
+"""What ``persist`` asks for in turn: how much more than the floor, and the weight of even edges."""
+
+ROUNDS, GAIN = 3, 0.03
+"""Most rounds of these, and what each must gain for another."""
+
+ENOUGH = 0.35
+"""Least scaled Jacobian at which ``persist`` stops."""
+
+
 @dataclass(frozen=True, eq=False)
 class Placed:
     """Nodes (3, n) on a device, the least scaled Jacobian between them, and how far each may be off the surface."""
@@ -63,6 +73,7 @@ class Effort:
     steps, floor_steps: of descent, of all hexes and at each floor.
     sweeps: most rounds of moves of single nodes at each floor.
     loosen: whether surface nodes may leave the surface where hexes stay poor.
+    ahead, edges: how much more than the floor the energy asks of a corner, and its weight of even edges.
     """
 
     goal: float = CEILING
@@ -70,6 +81,8 @@ class Effort:
     floor_steps: int = 60
     sweeps: int = SWEEPS
     loosen: bool = True
+    ahead: float = AHEAD
+    edges: float = FLOOR_EDGES
 
 
 def improve(
@@ -126,11 +139,27 @@ def climb(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -
     return best
 
 
+def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Climb again and again, asking for more and for less and with edges freer to stretch, while that gains.
+
+    What stops one descent, a few hexes that give way to each other, often does not stop the next.
+    """
+    for _ in range(ROUNDS):
+        before = best.least
+        for ahead, edges in TURNS:
+            if best.least >= min(effort.goal, ENOUGH):
+                return best
+            best = climb(hexes, colours, best, replace(effort, ahead=ahead, edges=edges))
+        if best.least < before + GAIN:
+            break
+    return best
+
+
 def raise_to(
     hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, slack: NDArray[Any], effort: Effort
 ) -> Placed:
     """Bring the hexes at x to a floor, as many as will go."""
-    x, _ = descend(hexes, x, Goal(floor + AHEAD, 2, FLOOR_EDGES), steps=effort.floor_steps, cap=CAP)
+    x, _ = descend(hexes, x, Goal(floor + effort.ahead, 2, effort.edges), steps=effort.floor_steps, cap=CAP)
     for _ in range(effort.sweeps):
         if not sweep(hexes, colours, x, floor):
             break
@@ -146,10 +175,10 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     nodes = nodes[np.argsort(colours[nodes], kind="stable")]
     counts = np.bincount(colours[nodes])
     moved, device = hexes.device.put(nodes), hexes.device
-    table = (hexes.nodes, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
+    table = (hexes.nodes, hexes.n_corners, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
     for first, count in zip(np.cumsum(counts) - counts, counts, strict=True):
         how = (int(first), int(count), float(floor), REACH, hexes.scale, HALVINGS, TRIES, *hexes.level.arguments)
-        device.launch("optimize.improve", int(count), x, hexes.n_nodes, *table, *how)
+        device.launch("optimize.improve", int(count), x, hexes.slid(x), hexes.n_nodes, *table, *how)
     return len(nodes)
 
 
@@ -170,8 +199,8 @@ def placed(hexes: Movable, x: Buffer, slack: NDArray[Any]) -> Placed:
 
 def copy(hexes: Movable, x: Buffer) -> Buffer:
     """The same nodes in another buffer."""
-    out = hexes.device.empty(3 * hexes.n_nodes)
-    hexes.device.launch("optimize.move", hexes.n_nodes, x, x, hexes.n_nodes, 0.0, 1.0, hexes.scale, out)
+    out = hexes.device.empty(hexes.planes * hexes.n_nodes)
+    hexes.device.launch("optimize.move", hexes.n_nodes, x, hexes.planes, x, hexes.n_nodes, 0.0, 1.0, hexes.scale, out)
     return out
 
 

@@ -1,4 +1,7 @@
-"""Hexes whose nodes may move, on a device: inside freely, on the boundary along the zero level of a distance."""
+"""Hexes or quads whose nodes may move, on a device: inside freely, on the boundary along what holds them.
+
+That is the zero level of a distance, or a surface of pieces that they walk on.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,31 +22,54 @@ FIXED = -1.0
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Sampled distances on a device, one or more.
+    """Sampled distances on a device, one or more; or instead of them pieces to walk on.
 
     Attributes
     ----------
     volume: (levels, n_k, n_j, n_i), in the unit of the coordinates.
     counts: (n_i, n_j, n_k).
     to_index: row-major 3 x 4 map from coordinates to the index (i, j, k).
+    pieces: (18, n_pieces) corners of triangles with their normals, and of segments, as triangles whose second and third
+        corner are one, with their directions.
+    around_start, around: (n_pieces + 1,) and what it points to: the pieces that touch each one.
     """
 
     volume: Buffer
     counts: tuple[int, int, int]
     to_index: Buffer
+    pieces: Buffer
+    n_pieces: int
+    around_start: Buffer
+    around: Buffer
+
+    @property
+    def planes(self) -> int:
+        """Planes of the coordinates: 4 where the last one says on which piece a node is."""
+        return 4 if self.n_pieces else 3
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """As the kernels take it."""
-        return self.volume, *self.counts, self.to_index
+        walk = (self.pieces, self.n_pieces, self.around_start, self.around)
+        return self.volume, *self.counts, self.to_index, *walk
 
 
 def put_level(volume: NDArray[Any], to_index: NDArray[np.float64], device: Device) -> Level:
     """Bring distances ([levels,] n_k, n_j, n_i) and the map (3 or 4, 4) from coordinates to their index to a device."""
     n_k, n_j, n_i = volume.shape[-3:]
-    return Level(
-        device.put(np.ascontiguousarray(volume)), (n_i, n_j, n_k), device.put(np.ascontiguousarray(to_index[:3]))
-    )
+    levels = device.put(np.ascontiguousarray(volume)), (n_i, n_j, n_k), device.put(np.ascontiguousarray(to_index[:3]))
+    none = device.put(np.zeros(2, dtype=np.int32))
+    return Level(*levels, device.put(np.zeros(18)), 0, none, none)
+
+
+def put_pieces(
+    corners: NDArray[Any], normals: NDArray[Any], start: NDArray[Any], around: NDArray[Any], device: Device
+) -> Level:
+    """Bring pieces (n_pieces, 3, 3), their normals and what touches each of them to a device."""
+    unused = device.put(np.ones(8)), (2, 2, 2), device.put(np.eye(4)[:3].copy())
+    planes = np.concatenate([corners.reshape(-1, 9), normals.reshape(-1, 9)], axis=1)
+    walk = device.put(np.ascontiguousarray(planes.T)), len(corners), device.put(start), device.put(around)
+    return Level(*unused, *walk)
 
 
 @dataclass(frozen=True)
@@ -64,17 +90,18 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Movable:
-    """Hexes on a device.
+    """Hexes or quads on a device.
 
     Attributes
     ----------
-    cells: (m, 8) int32, on the host.
-    nodes: (8, m) the same by vertex.
-    log_lengths: (3, m) logarithm of the squared target length of the edges along u, v, w.
-    start, slots: (n + 1,), (8 m,) where the elements of each node are.
+    cells: (m, k) int32, k = 8 or 4, on the host.
+    nodes: (k, m) the same by vertex.
+    log_lengths: (3, m) logarithm of the squared target length of the edges along u, v, w; (2, m) of quads.
+    start, slots: (n + 1,), (k m,) where the elements of each node are.
     scale: (3, n) size of the smallest element of each node, for each of its coordinates.
     slack: (n,) how far a node may be from the zero level; ``FREE`` or ``FIXED``.
     level: what boundary nodes slide on.
+    places: (3, n) where curved pieces have the nodes that were slid last; None without pieces.
     levels: (2, n) which of its distances, and a second one for nodes on the curve where two meet, else -1.
     """
 
@@ -89,6 +116,7 @@ class Movable:
     slack: Buffer
     level: Level
     levels: Buffer
+    places: Buffer | None
     normal: Buffer
     energy: Buffer
     shares: Buffer
@@ -96,26 +124,45 @@ class Movable:
 
     @property
     def n_elements(self) -> int:
-        """Number of hexes."""
+        """Number of elements."""
         return len(self.cells)
 
+    @property
+    def n_corners(self) -> int:
+        """Vertices of an element: 8 or 4."""
+        return int(self.cells.shape[1])
+
+    @property
+    def planes(self) -> int:
+        """Planes of what says where the nodes are."""
+        return self.level.planes
+
+    @property
+    def _kind(self) -> str:
+        return "hex" if self.n_corners == 8 else "quad"
+
     def with_slack(self, slack: NDArray[Any]) -> "Movable":
-        """Give the same hexes with other slack (n,)."""
+        """Give the same elements with other slack (n,)."""
         return replace(self, slack=self.device.put(slack.astype(np.float64)))
 
     def slide(self, x: Buffer) -> None:
-        """Bring the nodes x (3, n) back to within their slack."""
-        args = (x, self.n_nodes, self.slack, self.levels, *self.level.arguments, self.normal)
+        """Bring the nodes x (planes, n) back to within their slack."""
+        held = (self.slack, self.levels, *self.level.arguments)
+        args = (x, self.n_nodes, *held, self.slid(x), self.normal)
         self.device.launch("optimize.slide", self.n_nodes, *args)
 
+    def slid(self, x: Buffer) -> Buffer:
+        """Places (3, n) of nodes x that have just been slid."""
+        return x if self.places is None else self.places
+
     def evaluate(self, x: Buffer, goal: Goal, gradient: Buffer) -> float:
-        """Energy at x (3, n), slid before, and its gradient (3, n) along what the nodes may do."""
+        """Energy at x (planes, n), slid before, and its gradient (3, n) along what the nodes may do."""
         m, device = self.n_elements, self.device
         wanted = (float(goal.jacobian), goal.power, float(goal.edges))
         device.launch(
-            "energy.hex_energy",
+            f"energy.{self._kind}_energy",
             m,
-            x,
+            self.slid(x),
             self.n_nodes,
             self.nodes,
             m,
@@ -125,16 +172,19 @@ class Movable:
             self.shares,
         )
         table = (self.start, self.slots, self.normal, self.slack, self.levels)
-        args = (self.shares, m, *table, self.n_nodes, gradient)
+        args = (self.shares, self.n_corners, m, *table, self.n_nodes, gradient)
         device.launch("energy.node_gradient", self.n_nodes, *args)
         return float(products(device, self.energy, self.ones, m)[0])
 
     def scaled_jacobian(self, x: Buffer) -> NDArray[Any]:
-        """Scaled Jacobian (m,) of each hex at x (3, n)."""
-        planes = self.device.get(x).reshape(3, -1)
+        """Scaled Jacobian (m,) of each element at x (planes, n)."""
+        if self.places is not None:
+            self.slide(x)
+        planes = self.device.get(self.slid(x)).reshape(3, -1)
         out = self.device.empty(self.n_elements)
         points, cells = [self.device.put(plane) for plane in planes], self.device.put(self.cells)
-        launch_explicit("hex_scaled_jacobian", points, self.n_nodes, cells, self.n_elements, out, self.device)
+        kernel = f"{self._kind}_scaled_jacobian"
+        launch_explicit(kernel, points, self.n_nodes, cells, self.n_elements, out, self.device)
         return np.array(self.device.get(out))
 
 
@@ -147,14 +197,14 @@ def movable(
     log_lengths: NDArray[Any] | None = None,
     levels: NDArray[Any] | None = None,
 ) -> Movable:
-    """Bring hexes (m, 8) of n nodes with their slack (n,) to a device.
+    """Bring hexes (m, 8) or quads (m, 4) of n nodes with their slack (n,) to a device.
 
-    Target lengths are 1 unless given (3, m); nodes are held by the first distance alone unless ``levels`` (2, n) says
-    by which.
+    Target lengths are 1 unless given (3, m), of quads (2, m); nodes are held by the first distance alone unless
+    ``levels`` (2, n) says by which.
     """
     m = len(cells)
     start, slots = node_slots(cells, n_nodes)
-    lengths = np.zeros(3 * m) if log_lengths is None else log_lengths
+    lengths = np.zeros((3, m)) if log_lengths is None else log_lengths
     return Movable(
         device=device,
         n_nodes=n_nodes,
@@ -167,9 +217,10 @@ def movable(
         slack=device.put(slack.astype(np.float64)),
         level=level,
         levels=device.put(one_level(n_nodes) if levels is None else levels),
+        places=device.empty(3 * n_nodes) if level.n_pieces else None,
         normal=device.put(np.zeros(3 * n_nodes)),
         energy=device.empty(m),
-        shares=device.empty(24 * m),
+        shares=device.empty(3 * cells.size),
         ones=device.put(np.ones(m)),
     )
 
@@ -181,7 +232,7 @@ def one_level(n_nodes: int) -> NDArray[np.int32]:
 
 def node_sizes(log_lengths: NDArray[Any], start: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[Any]:
     """Least target length (n,) of the edges of each node's elements; 1 for a node of none."""
-    shortest = np.exp(0.5 * np.reshape(log_lengths, (3, -1)).min(axis=0))
+    shortest = np.exp(0.5 * log_lengths.min(axis=0))
     used = np.flatnonzero(np.diff(start))
     sizes = np.ones(len(start) - 1)
     sizes[used] = np.minimum.reduceat(shortest[slots % len(shortest)], start[used])

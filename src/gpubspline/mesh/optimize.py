@@ -1,7 +1,6 @@
-"""Better hexes of any mesh by moving its nodes; what the boundary looks like stays."""
+"""Better elements of any mesh by moving its nodes; what the boundary looks like stays."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +9,29 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.carry import carry_fields
 from gpubspline.mesh.colouring import colour_nodes
-from gpubspline.mesh.improve import Effort, climb, copy, improve, placed
+from gpubspline.mesh.grading import graded
+from gpubspline.mesh.improve import Effort, climb, copy, improve, persist, placed
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import FIXED, FREE, movable, put_level
-from gpubspline.mesh.own_surface import Held, hold
+from gpubspline.mesh.movable import FIXED, movable
+from gpubspline.mesh.own_surface import cuts_for, hold
+from gpubspline.mesh.pieces import bilinear
 from gpubspline.mesh.quality import scaled_jacobian
+from gpubspline.spline.hyperpatch import Hyperpatch
+from gpubspline.surface.nearest import finder
 
 Floats = NDArray[np.float64]
 
-_EDGES = (((0, 1), (3, 2), (4, 5), (7, 6)), ((0, 3), (1, 2), (4, 7), (5, 6)), ((0, 4), (1, 5), (2, 6), (3, 7)))
+_EDGES = {
+    8: (((0, 1), (3, 2), (4, 5), (7, 6)), ((0, 3), (1, 2), (4, 7), (5, 6)), ((0, 4), (1, 5), (2, 6), (3, 7))),
+    4: (((0, 1), (3, 2)), ((0, 3), (1, 2))),
+}
+"""Along u, v and w of hexes, along u and v of quads."""
 
 SHORTEST = 0.05
 """Least target length of an edge, in the mean one."""
+
+OPENED_BELOW = 0.35
+"""Least scaled Jacobian below which another start is tried, whose corners are opened."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +61,21 @@ class Optimized:
 
 
 def optimize(
-    mesh: Mesh, device: Device, *, boundary: str = "slide", effort: Effort | None = None
+    mesh: Mesh,
+    device: Device,
+    *,
+    boundary: str = "slide",
+    effort: Effort | None = None,
+    patch: Hyperpatch | None = None,
 ) -> tuple[Mesh, Optimized]:
-    """Raise the worst scaled Jacobian of a mesh of hexes as far as its connectivity allows.
+    """Raise the worst scaled Jacobian of a mesh of hexes or quads as far as its connectivity allows.
 
     Arguments
     ---------
-    mesh: hex8; sets are kept, nodal fields are carried to where the nodes go, element fields of the quality dropped.
+    mesh: hex8 or quad4; sets are kept, nodal fields are carried to where the nodes go, element fields of the quality
+        dropped. Quads stay on the surface that they are.
     boundary: ``"slide"``: nodes of the surface go along it, and along its sharp edges; ``"stay"``: they do not move.
+    patch: what the mesh samples, evenly: its boundary is what nodes go along, instead of the faces between nodes.
 
     Returns
     -------
@@ -66,33 +83,98 @@ def optimize(
 
     Raises
     ------
-    InputError where the mesh is not of hex8, or the boundary is told to do something else.
+    InputError where the mesh is of other elements, or the boundary is told to do something else.
     """
-    if mesh.element_type != "hex8":
-        raise InputError(f"expected a mesh of hex8 to optimise, got {mesh.element_type}")
+    if mesh.element_type not in ("hex8", "quad4"):
+        raise InputError(
+            f"expected a mesh of hex8 or quad4 to optimise, got {mesh.element_type}, whose nodes midway would be left "
+            "behind: mesh with --order 1"
+        )
     if boundary not in ("slide", "stay"):
         raise InputError(f"expected the boundary to slide or stay, got {boundary!r}")
-    points, cells = mesh.points.astype(np.float64), mesh.cells
-    middle, unit = points.mean(axis=0), _mean_length(points, cells)
-    scaled = (points - middle) / unit
-    quads = mesh.boundary()
-    held = hold(scaled, quads, device) if boundary == "slide" else _pinned(quads, len(points), device)
-    lengths = _log_lengths(scaled, cells)
-    hexes = movable(cells, len(points), held.slack, held.level, device, lengths, held.levels)
-    x, colours = device.put(np.ascontiguousarray(scaled.T)), colour_nodes(cells, len(points))
     effort = replace(effort or Effort(), loosen=False)
-    as_it_is = climb(hexes, colours, placed(hexes, copy(hexes, x), held.slack), effort)
-    best = improve(hexes, colours, x, held.slack, effort)
-    best = best if best.least > as_it_is.least else as_it_is
-    moved = np.array(device.get(best.x)).reshape(3, -1).T.astype(np.float64) * unit + middle
-    moved = np.where((held.slack < 0)[:, None], points, moved)
+    start = _Start(mesh, patch, device)
+    moved, least = start.improved(start.points, start.held.at, boundary, effort)
+    if boundary == "slide" and least < min(OPENED_BELOW, effort.goal):
+        opened = start.opened(patch)
+        if opened is not None:
+            other, most = start.improved(*opened, boundary, effort)
+            moved = other if most > least else moved
     before = float(scaled_jacobian(mesh, device).min())
     made = _moved(mesh, moved)
     after = float(scaled_jacobian(made, device).min())
     if after <= before:
         return mesh, Optimized(before, before, 0.0, 0.0)
-    on = np.unique(quads)
-    return made, Optimized(before, after, _farthest(moved - points), _off_surface(mesh, quads, moved[on], device))
+    way = float(np.linalg.norm(moved - mesh.points, axis=1).max())
+    return made, Optimized(before, after, way, start.off_surface(moved))
+
+
+class _Start:
+    """A mesh and the surface that its nodes walk on, in units of its mean edge from its middle."""
+
+    def __init__(self, mesh: Mesh, patch: Hyperpatch | None, device: Device) -> None:
+        self.mesh, self.device = mesh, device
+        self.quads = mesh.boundary() if mesh.element.dimension == 3 else mesh.cells
+        points, cut = mesh.points.astype(np.float64), None
+        self.middle, self.unit = points.mean(axis=0), _mean_length(points, mesh.cells)
+        self.points = self._scaled(points)
+        if patch is not None:
+            parameters = bilinear(_even(mesh)[self.quads], cuts_for(self.quads))
+            cut = self._scaled(_sampled(mesh, patch, parameters, device))
+        self.held = hold(self.points, self.quads, device, cut)
+
+    def _scaled(self, points: Floats) -> Floats:
+        return np.asarray((points - self.middle) / self.unit)
+
+    def opened(self, patch: Hyperpatch | None) -> tuple[Floats, NDArray[np.int64]] | None:
+        """Nodes (n, 3) with longer edges at flat corners, and the piece (n,) each is on; None where none is flat."""
+        if patch is None or self.mesh.element.dimension < 3:
+            return None
+        parameters = graded(self.mesh, self.device)
+        if parameters is None:
+            return None
+        points = self._scaled(_sampled(self.mesh, patch, parameters, self.device))
+        return points, self.held.found(points, self.device)
+
+    def improved(self, points: Floats, at: NDArray[np.int64], boundary: str, effort: Effort) -> tuple[Floats, float]:
+        """Places (n, 3), mm, of the nodes of better elements from a start, and the least scaled Jacobian there."""
+        mesh, held, device = self.mesh, self.held, self.device
+        if boundary == "stay":
+            held.slack[np.unique(mesh.boundary())] = FIXED
+        lengths = _log_lengths(points, mesh.cells)
+        hexes = movable(mesh.cells, mesh.n_nodes, held.slack, held.level, device, lengths, held.levels)
+        x = device.put(np.ascontiguousarray(np.vstack([points.T, at])))
+        colours = colour_nodes(mesh.cells, mesh.n_nodes)
+        as_it_is = climb(hexes, colours, placed(hexes, copy(hexes, x), held.slack), effort)
+        best = improve(hexes, colours, x, held.slack, effort)
+        best = persist(hexes, colours, best if best.least > as_it_is.least else as_it_is, effort)
+        hexes.slide(best.x)
+        moved = np.array(device.get(hexes.slid(best.x))).reshape(3, -1).T.astype(np.float64)
+        moved = np.where((held.slack < 0)[:, None], mesh.points, moved * self.unit + self.middle)
+        return moved, best.least
+
+    def off_surface(self, points: Floats) -> float:
+        """Farthest, mm, that nodes of the surface at points (n, 3) lie from it."""
+        distance, _ = finder(self.held.surface, self.device).nearest(self._scaled(points[np.unique(self.quads)]))
+        return float(np.max(distance, initial=0.0)) * self.unit
+
+
+def _even(mesh: Mesh) -> Floats:
+    """Parameters (n, d), 0 to 1, of the nodes of a structured mesh."""
+    assert mesh.structure is not None
+    at = np.stack(np.unravel_index(np.arange(mesh.n_nodes), mesh.structure, order="F"), axis=1)
+    return np.asarray(at / (np.array(mesh.structure) - 1))
+
+
+def _sampled(mesh: Mesh, patch: Hyperpatch, parameters: Floats, device: Device) -> Floats:
+    """Points (..., 3), mm, of the patch at the mesh's parameters (..., d), whose u may run against the patch's."""
+    ends = np.zeros((2, parameters.shape[-1]))
+    ends[1, 0] = 1.0
+    far = np.linalg.norm(patch.evaluate_points(ends, device)[:, :3] - mesh.points[0], axis=1)
+    flat = parameters.reshape(-1, parameters.shape[-1]).copy()
+    flat[:, 0] = 1 - flat[:, 0] if far[1] < far[0] else flat[:, 0]
+    found = patch.evaluate_points(flat, device)[:, :3]
+    return found.reshape(*parameters.shape[:-1], 3).astype(np.float64)
 
 
 def _moved(mesh: Mesh, points: Floats) -> Mesh:
@@ -101,16 +183,12 @@ def _moved(mesh: Mesh, points: Floats) -> Mesh:
     return replace(mesh, points=points.astype(mesh.points.dtype), fields=fields, cell_fields=kept)
 
 
-def _pinned(quads: NDArray[Any], n: int, device: Device) -> Held:
-    slack = np.full(n, FREE)
-    slack[quads] = FIXED
-    levels = np.stack([np.zeros(n), np.full(n, -1)]).astype(np.int32)
-    return Held(put_level(np.ones((2, 2, 2)), np.eye(4)[:3], device), slack, levels)
-
-
 def _edge_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
-    """(3, m, 4) of the edges along u, v, w."""
-    ends = [[np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row] for row in _EDGES]
+    """(3, m, 4) of the edges along u, v, w; (2, m, 2) of quads."""
+    ends = [
+        [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row]
+        for row in _EDGES[cells.shape[1]]
+    ]
     return np.asarray(np.array(ends).transpose(0, 2, 1))
 
 
@@ -119,19 +197,6 @@ def _mean_length(points: Floats, cells: NDArray[np.int32]) -> float:
 
 
 def _log_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
-    """Logarithm (3, m) of the squared mean length of each element's edges along u, v, w: what they should stay."""
+    """Logarithm (3, m), of quads (2, m), of the squared mean length of elements' edges along u, v, w: their target."""
     means = _edge_lengths(points, cells).mean(axis=2)
     return np.asarray(2 * np.log(np.maximum(means, SHORTEST)))
-
-
-def _farthest(way: Floats) -> float:
-    return float(np.linalg.norm(way, axis=1).max(initial=0.0))
-
-
-def _off_surface(mesh: Mesh, quads: NDArray[Any], points: Floats, device: Device) -> float:
-    from gpubspline.surface.nearest import finder
-    from gpubspline.surface.surface import Surface
-
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    distance, _ = finder(Surface(mesh.points.astype(np.float64), triangles), device).nearest(points)
-    return float(np.max(distance, initial=0.0))

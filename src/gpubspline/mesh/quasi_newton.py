@@ -79,7 +79,8 @@ def descend(
     device, n = hexes.device, 3 * hexes.n_nodes
     memory = Memory(device, n, device.put(np.zeros((2 * MEMORY + 1) * n)), hexes.scale)
     zero = device.put(np.zeros(n))
-    g, g_new, d, x_new = (device.empty(n) for _ in range(4))
+    g, g_new, d = (device.empty(n) for _ in range(3))
+    x_new, planes = device.empty(hexes.planes * hexes.n_nodes), hexes.planes
     hexes.slide(x)
     energy = hexes.evaluate(x, goal, g)
     memory.set_row(2 * MEMORY, g, zero)
@@ -101,7 +102,7 @@ def descend(
         )
         length = 1.0 if memory.pairs else FIRST_STEP / _largest(device, d)
         for _ in range(HALVINGS):
-            device.launch("optimize.move", hexes.n_nodes, x, d, hexes.n_nodes, length, cap, hexes.scale, x_new)
+            device.launch("optimize.move", hexes.n_nodes, x, planes, d, hexes.n_nodes, length, cap, hexes.scale, x_new)
             hexes.slide(x_new)
             energy_new = hexes.evaluate(x_new, goal, g_new)
             if energy_new < energy:

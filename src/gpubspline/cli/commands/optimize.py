@@ -1,4 +1,4 @@
-"""The hexes of a mesh file, made better."""
+"""The hexes or quads of a mesh file, made better."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +15,9 @@ from gpubspline.files import check_apart, check_writable
 @flattened
 def optimize(
     context: typer.Context,
-    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file of hex8, such as .vtu", show_default=False)],
+    mesh: Annotated[
+        Path, typer.Argument(metavar="MESH", help="mesh file of hex8 or quad4, such as .vtu", show_default=False)
+    ],
     output: Annotated[
         Path,
         option("Output", "mesh or deck, by extension", "--output", "-o", metavar="FILE", show_default=False),
@@ -28,7 +30,7 @@ def optimize(
     ] = "slide",
     summary: Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")] = None,
 ) -> None:
-    """Raise the worst scaled Jacobian of a mesh of hexes by moving its nodes."""
+    """Raise the worst scaled Jacobian of a mesh of hexes or quads by moving its nodes."""
     from gpubspline.cli import describe
     from gpubspline.export import read_mesh, write
     from gpubspline.mesh.optimize import optimize as improved

@@ -49,7 +49,7 @@ def onto(level: LevelSet, device: Device) -> Callable[[Floats, Floats], Floats]:
         slack, levels = device.put(np.zeros(count)), device.put(one_level(count))
         normal = device.empty(3 * count)
         for _ in range(_SLIDES):
-            device.launch("optimize.slide", count, x, count, slack, levels, *held.arguments, normal)
+            device.launch("optimize.slide", count, x, count, slack, levels, *held.arguments, x, normal)
         return level.in_mm(np.array(device.get(x)).reshape(3, -1).T)
 
     return project
