@@ -184,8 +184,9 @@ def test_bad_patches_are_named(device: Device) -> None:
         hyperpatch(np.zeros((4, 4, 5)))
     with pytest.raises(InputError, match="degree below the number"):
         hyperpatch(np.zeros((4, 3, 4)))
-    with pytest.raises(InputError, match="positive weights"):
-        hyperpatch(np.zeros((4, 4, 4)), weights=np.zeros((4, 4)))
+    for weight in (0.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="positive weights"):
+            hyperpatch(np.zeros((4, 4, 4)), weights=np.full((4, 4), weight))
     with pytest.raises(InputError, match="parameters from 0 to 1"):
         hyperpatch(np.zeros((4, 4, 4))).evaluate_grid([[0.0, 1.2], [0.5]], device)
     with pytest.raises(InputError, match="2 directions"):

@@ -139,7 +139,7 @@ class Calibration:
         for number, rod in enumerate(self.rods, start=1):
             if "label" in rod:
                 assert self.mask is not None
-                inside = volume.hu[read_mask(self.folder / self.mask, volume, rod["label"])]
+                inside = volume.hu[read_mask(self.folder / self.mask.expanduser(), volume, rod["label"])]
                 name = f"rod {rod['label']}"
             else:
                 name = f"rod {number}"

@@ -56,7 +56,9 @@ class Hyperpatch:
             raise InputError(f"expected {control.ndim - 1} degrees and knot vectors, got {self.degrees}")
         for knots, degree, n_control in zip(self.knots, self.degrees, control.shape, strict=False):
             check_knots(knots, degree, n_control)
-        if self.weights is not None and (self.weights.shape != control.shape[:-1] or np.any(self.weights <= 0)):
+        if self.weights is not None and not (
+            self.weights.shape == control.shape[:-1] and ((self.weights > 0) & (self.weights < np.inf)).all()
+        ):
             raise InputError(f"expected positive weights of shape {control.shape[:-1]}, got {self.weights.shape}")
         object.__setattr__(self, "control", control)
 
