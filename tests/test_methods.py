@@ -13,7 +13,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
 from gpubspline.mesh.quality import assess
-from gpubspline.methods import choose, implied, is_row_convex, mesh_body, warn_of_bridges
+from gpubspline.methods import choose, implied, is_row_convex, mesh_body, warn_of_bridges, warn_of_closed
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 
 
@@ -151,6 +151,13 @@ def test_the_tensor_method_warns_of_bridges():
     with pytest.warns(GpubsplineWarning, match="fills 6% less"):
         warn_of_bridges(94.0, 100.0)
     warn_of_bridges(104.0, 100.0)
+
+
+def test_blocks_warn_of_pores_that_they_close():
+    with pytest.warns(GpubsplineWarning, match=r"fills 21% more than the region: .* of 2\.73 mm .*smaller --size"):
+        warn_of_closed(121.0, 100.0, 2.7312)
+    warn_of_closed(104.0, 100.0, 2.7)
+    warn_of_closed(90.0, 100.0, 2.7)  # what is left out is listed
 
 
 @pytest.fixture(scope="module")

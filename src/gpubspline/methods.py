@@ -248,6 +248,18 @@ def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
         )
 
 
+def warn_of_closed(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
+    """Warn where a mesh of blocks fills pores and gaps that its elements are too large for."""
+    off = mesh_mm3 / region_mm3 - 1
+    if np.isfinite(off) and off > BRIDGED:
+        warnings.warn(
+            f"the mesh fills {off:.0%} more than the region: pores and gaps narrower than its elements of "
+            f"{size_mm:.3g} mm are closed; a smaller --size keeps them open",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+
+
 def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None) -> None:
     """Warn of parts of the region that the mesh leaves out, the farthest by name."""
     if not lost:

@@ -125,11 +125,13 @@ def find_any_body(
 
 
 def warn_of_shape(figures: dict[str, Any]) -> None:
-    """Warn of gaps that the rows of a mesh bridge, and of parts of the body that it leaves out."""
-    from gpubspline.methods import warn_of_bridges, warn_of_lost
+    """Warn of gaps that a mesh bridges or closes, and of parts of the body that it leaves out."""
+    from gpubspline.methods import warn_of_bridges, warn_of_closed, warn_of_lost
 
     if figures["method"]["name"] == "tensor":
         for size in (figures["volume_mm3"], figures["area_mm2"]):
             if size["mesh"] is not None and size["region"]:
                 warn_of_bridges(size["mesh"], size["region"])
+    if figures["method"]["name"] == "blocks":
+        warn_of_closed(figures["volume_mm3"]["mesh"], figures["volume_mm3"]["region"], figures["size_mm"])
     warn_of_lost(figures["lost_features"] or [], figures["size_mm"])
