@@ -6,7 +6,7 @@ nothing has to be read back. Operations: the sum of the parts', about 350. Held 
 What one pass over the nodes could save is reading the four planes back, 16 of 52 bytes a node, while the time is that
 of arithmetic: on two cores of Zen 5 by PoCL, at 200^3, evaluation takes 5 to 8 ms of a core, material 7 and quality 26,
 most of it square roots and divisions, and reading the planes 1 to 3. The sum is 1.5 times its slowest part, 1.4 without
-the reading; at 1.25 the other two would have to take 6 ms together, near the 3 ms of writing their 32 bytes a node.
+the reading; at 1.25 the other two would have to take 6 ms together, which is what writing their 32 bytes a node takes.
 """
 
 from collections.abc import Callable, Iterator
