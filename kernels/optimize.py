@@ -267,7 +267,8 @@ def improve(
             best_seen = seen
             best_least = least
             best_piece = piece
-            for way in range(14):
+            way = wp.int32(0)
+            while way < 14:  # Warp would unroll a range of so few, and the registers would not do
                 q = p + ahead(way, length)
                 at = piece
                 if walks:
@@ -283,6 +284,7 @@ def improve(
                     best = q
                     best_seen = r
                     best_piece = at
+                way = way + 1
             if best_least > least:
                 least = best_least
                 p = best
