@@ -21,9 +21,10 @@ from gpubspline.device import Device, open_device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks.core import cell_means, core_cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, bulged, level_set
-from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh, mesh_level_set
+from gpubspline.mesh.blocks.mesher import blocks_mesh, mesh_level_set
 from gpubspline.mesh.blocks.pillow import pillow
 from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.distance import surface_distance
 from gpubspline.mesh.improve import Effort, improve
 from gpubspline.mesh.mesh import Mesh

@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from gpubspline.material.mapping import apply_material as apply_material
     from gpubspline.material.registry import law as law
     from gpubspline.material.registry import laws as laws
-    from gpubspline.mesh.blocks.mesher import Blocks as Blocks
     from gpubspline.mesh.blocks.mesher import blocks_mesh as blocks_mesh
     from gpubspline.mesh.blocks.refine import refine as refine
+    from gpubspline.mesh.blocks.result import Blocks as Blocks
     from gpubspline.mesh.butterfly.patches import butterfly as butterfly
     from gpubspline.mesh.butterfly.sample import sample_butterfly as sample_butterfly
     from gpubspline.mesh.distance import surface_distance as surface_distance
@@ -99,8 +99,9 @@ _HOME = {
     "material.laws": ("Law",),
     "material.mapping": ("apply_material",),
     "material.registry": ("law", "laws"),
-    "mesh.blocks.mesher": ("Blocks", "blocks_mesh"),
+    "mesh.blocks.mesher": ("blocks_mesh",),
     "mesh.blocks.refine": ("refine",),
+    "mesh.blocks.result": ("Blocks",),
     "mesh.butterfly.patches": ("butterfly",),
     "mesh.butterfly.sample": ("sample_butterfly",),
     "mesh.distance": ("surface_distance",),

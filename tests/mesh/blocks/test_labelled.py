@@ -14,10 +14,11 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.export import read_mesh
 from gpubspline.mesh.blocks.core import Cells
-from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh
+from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.pillow import pillow
 from gpubspline.mesh.blocks.repair import SOUND, patterns, repair_owners
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.quality import assess
 
 RADIUS, SLOPE, HEIGHT, ACROSS, CORE = 15.0, 0.3, 2.2137, 1.337, 8.03

@@ -12,7 +12,8 @@ from gpubspline.ct.region import Region, region_from_mask
 from gpubspline.device import Device
 from gpubspline.errors import GpubsplineError, MeshError
 from gpubspline.mesh.blocks.level_set import level_set
-from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh, mesh_level_set
+from gpubspline.mesh.blocks.mesher import blocks_mesh, mesh_level_set
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.distance import sample_distance, surface_distance
 from gpubspline.mesh.element_size import size_for
 from gpubspline.mesh.improve import Effort

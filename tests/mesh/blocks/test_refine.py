@@ -14,8 +14,9 @@ from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.curved import onto, unbiased
 from gpubspline.mesh.blocks.level_set import SAMPLES
-from gpubspline.mesh.blocks.mesher import Blocks, blocks_mesh
+from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.refine import GIVEN, refine
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.validity import certify
 

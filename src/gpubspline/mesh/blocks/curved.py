@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 from gpubspline.device import Device
 from gpubspline.mesh.bezier import BezierBlocks, bezier_blocks
 from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet
-from gpubspline.mesh.blocks.mesher import Blocks
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.movable import one_level, put_level
 
 Floats = NDArray[np.float64]

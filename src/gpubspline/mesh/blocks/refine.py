@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.curved import curve, onto, unbiased
+from gpubspline.mesh.blocks.grow import off_surface
 from gpubspline.mesh.blocks.level_set import SAMPLES
-from gpubspline.mesh.blocks.mesher import Blocks, off_surface
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import Effort, Placed, improve, placed
 from gpubspline.mesh.mesh import Mesh

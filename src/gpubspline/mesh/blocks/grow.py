@@ -1,0 +1,168 @@
+"""From a level set to hexes: the core, the layer that grows from it to the zero level, the nodes moved."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from gpubspline.device import Device
+from gpubspline.errors import InputError, MeshError
+from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
+from gpubspline.mesh.blocks.labelled import assign, costs, element_sets, hold, node_sets
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet
+from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
+from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
+from gpubspline.mesh.blocks.reach import LostFeature, lost_features
+from gpubspline.mesh.blocks.repair import repair, repair_owners
+from gpubspline.mesh.blocks.result import Blocks, BlocksReport
+from gpubspline.mesh.improve import Effort
+from gpubspline.mesh.mesh import Mesh
+
+ON_SURFACE = 0.01
+"""A node farther from the surface, in elements, counts as off it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Core:
+    """Repaired core.
+
+    Attributes
+    ----------
+    cells: the body of each cell where there are several, else whether it is inside.
+    flips: cells that the repair changed.
+    euler: Euler characteristic of the core and of the region's level set.
+    """
+
+    cells: Cells | Owners
+    flips: int
+    euler: dict[str, int]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its topology is the region's."""
+        return self.euler["mesh"] == self.euler["region"]
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """Hexes on a device, their nodes where the worst is as good as it gets.
+
+    Attributes
+    ----------
+    level, core: what they grew on.
+    names: of the bodies, where there are several.
+    pairs: bodies that touch.
+    hexes, placed: the hexes, and their nodes.
+    """
+
+    level: LevelSet
+    core: Core
+    names: tuple[str, ...]
+    pairs: tuple[tuple[int, int], ...]
+    hexes: Pillowed
+    placed: PlacedOn
+
+    @cached_property
+    def lost(self) -> tuple[LostFeature, ...]:
+        """Parts of the level set's inside that the core does not reach."""
+        return lost_features(self.level, self.placed.reached)
+
+    def finished(self) -> Blocks:
+        """Make the mesh with its report."""
+        hexes, level, points = self.hexes, self.level, self.placed.points
+        sets = node_sets(hexes, self.names, self.pairs)
+        report = BlocksReport(
+            size_mm=level.size_mm,
+            min_scaled_jacobian=self.placed.nodes.least,
+            euler=self.core.euler,
+            repaired_cells=self.core.flips,
+            off_surface_nodes=off_surface(points[sets["surface"]], self.placed.reached, level.size_mm),
+            lost_features=self.lost,
+            attempts=(),
+        )
+        mesh = Mesh(
+            level.in_mm(points).astype(points.dtype),
+            "hex8",
+            connectivity=hexes.cells,
+            node_sets=sets,
+            element_sets={
+                "body": np.arange(len(hexes.cells), dtype=np.int32),
+                **element_sets(hexes, self.names),
+            },
+        )
+        return Blocks(mesh, level, self.core.cells > 0, report)
+
+
+def grow(
+    level: LevelSet,
+    core: Core,
+    device: Device,
+    effort: Effort | None = None,
+    parts: Mapping[str, Field] | None = None,
+    *,
+    bulge: bool = True,
+    clamp: bool = True,
+) -> Grown:
+    """Grow a layer of hexes on a core to the zero of its level set; see ``mesh_level_set``.
+
+    Raises
+    ------
+    MeshError where a hex stays inverted.
+    """
+    names, distances = tuple(parts or ()), list((parts or {}).values())
+    hexes = pillow(core.cells)
+    held = hold(hexes)
+    holding = Holding(hexes, held, core.cells > 0, distances, device, clamp)
+    placed = place_nodes(holding, level, effort, bulge=bulge)
+    if not placed.nodes.least > 0:
+        raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))
+    return Grown(level, core, names, held.pairs, hexes, placed)
+
+
+def find_core(level: LevelSet, parts: Mapping[str, Field] | None = None) -> Core:
+    """Find the cells inside a level set, and the body of each where there are several, and repair them.
+
+    Raises
+    ------
+    InputError where no cell is inside; MeshError where the repair fails.
+    """
+    means = cell_means(level.phi)
+    cells: Cells | Owners
+    if parts:
+        within = np.stack([cell_means(part) for part in parts.values()])
+        cells, flips, unsound = repair_owners(assign(core_cells(means), within), costs(means, within))
+    else:
+        cells, flips, unsound = repair(core_cells(means), means)
+    if len(unsound):
+        raise MeshError(
+            f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places are left, the first at "
+            f"{_place(level, unsound[0][::-1])}; close the region's pores first or ask for a smaller size"
+        )
+    if not cells.any():
+        raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
+    cells[~largest_body(cells > 0)] = 0
+    return Core(cells, flips, {"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)})
+
+
+def off_surface(points: NDArray[Any], reached: NDArray[Any], size_mm: float) -> dict[str, float]:
+    """How many of the points (n, 3), lattice coordinates, are off the zero level, and how far."""
+    off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
+    far = off > ON_SURFACE
+    return {"count": int(np.count_nonzero(far)), "max_mm": float(off[far].max(initial=0.0)) * size_mm}
+
+
+def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> str:
+    return (
+        f"{np.count_nonzero(values <= 0)} of {values.size:,} hexes stayed inverted, the worst at "
+        f"{_place(level, corners[np.argmin(values)].mean(axis=0))}: features there are thinner than an element of "
+        f"{level.size_mm:g} mm; ask for a smaller size or close the region's pores first"
+    )
+
+
+def _place(level: LevelSet, at: NDArray[Any]) -> str:
+    x, y, z = level.in_mm(np.asarray(at, dtype=np.float64)[None, :])[0]
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"

@@ -1,0 +1,93 @@
+"""A mesh of blocks and what is known of it."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gpubspline.mesh.blocks.core import Cells
+from gpubspline.mesh.blocks.level_set import LevelSet
+from gpubspline.mesh.blocks.placement import Placement
+from gpubspline.mesh.blocks.reach import LostFeature, within_reach
+from gpubspline.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One place of the lattice, and what came of it.
+
+    Attributes
+    ----------
+    placement: offset and turn.
+    elements: hexes.
+    min_scaled_jacobian: of the worst; None where the core's topology alone told that an earlier mesh is better.
+    euler: Euler characteristic.
+    """
+
+    placement: Placement
+    elements: int
+    min_scaled_jacobian: float | None
+    euler: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {
+            "offset": list(self.placement.offset),
+            "turn_degrees": list(self.placement.turn_degrees),
+            "elements": self.elements,
+            "min_scaled_jacobian": self.min_scaled_jacobian,
+            "euler": self.euler,
+        }
+
+
+@dataclass(frozen=True)
+class BlocksReport:
+    """What is known of a mesh of blocks beside its quality.
+
+    Attributes
+    ----------
+    size_mm: of an element.
+    min_scaled_jacobian: of the worst hex.
+    euler: Euler characteristic of the mesh and of the region's level set, ``{"mesh": 1, "region": 1}``.
+    repaired_cells: cells of the core that were flipped to make its boundary a manifold.
+    off_surface_nodes: surface nodes that had to leave the surface: ``{"count": 0, "max_mm": 0.0}``.
+    lost_features: parts of the region too thin for the lattice, farthest out first.
+    attempts: places of the lattice that were tried; the mesh is the best of them.
+    """
+
+    size_mm: float
+    min_scaled_jacobian: float
+    euler: dict[str, int]
+    repaired_cells: int
+    off_surface_nodes: dict[str, float]
+    lost_features: tuple[LostFeature, ...]
+    attempts: tuple[Attempt, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the mesh's topology is the region's."""
+        return self.euler["mesh"] == self.euler["region"]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and lists, for JSON."""
+        return {
+            "size_mm": self.size_mm,
+            "min_scaled_jacobian": self.min_scaled_jacobian,
+            "euler": dict(self.euler),
+            "repaired_cells": self.repaired_cells,
+            "off_surface_nodes": dict(self.off_surface_nodes),
+            "lost_features": [feature.to_dict() for feature in self.lost_features],
+            "attempts": [attempt.to_dict() for attempt in self.attempts],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """A mesh of blocks, the level set that it conforms to, the cells of its core, and what is known of it."""
+
+    mesh: Mesh
+    level: LevelSet
+    core: Cells
+    report: BlocksReport
+
+    def surface(self) -> LevelSet:
+        """The level set as far as the core reaches it: sheets that it does not reach are left out."""
+        return replace(self.level, phi=within_reach(self.level.phi, self.core))
