@@ -13,7 +13,17 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
 from gpubspline.mesh.quality import assess
-from gpubspline.methods import choose, implied, is_row_convex, mesh_body, warn_of_bridges, warn_of_closed
+from gpubspline.methods import (
+    Choice,
+    choose,
+    foretell,
+    implied,
+    is_row_convex,
+    mesh_body,
+    warn_of_bridges,
+    warn_of_closed,
+    warn_of_topology,
+)
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 
 
@@ -280,3 +290,22 @@ def test_optimize_at_the_command_line(run, fork_file, tmp_path):
     assert done["boundary_mm"] < 0.1
     status, said, err = run("mesh", fork_file, "--threshold", 0, "--method", "blocks", "--optimize", *files[:2])
     assert status == 2 and "no --optimize with blocks" in err and said == ""
+
+
+def test_the_number_of_blocks_is_foretold(device):
+    """About as many as there will be; those that take minutes are warned of, with a size that does not."""
+    body = body_of(lambda x, y, z: np.hypot(np.hypot(x, y) - 12, z) - 5, spacing=1.0)
+    told = []
+    clock = Clock()
+    clock.tell = told.append
+    meshed = mesh_body(body, Choice("blocks", ""), Meshing("blocks", 1.8), Sampling(law()), device, clock)
+    count = int(told[0].split()[1].replace(",", ""))
+    assert count == pytest.approx(meshed.mesh.n_elements, rel=0.4) and told[0].endswith(" s")
+    with pytest.warns(GpubsplineWarning, match=r"minutes; --size \d.* gives about 50,000"):
+        foretell(body.region, 0.2, clock)
+
+
+def test_other_topology_is_warned_of():
+    warn_of_topology({"mesh": 1, "region": 1}, 2.0)
+    with pytest.warns(GpubsplineWarning, match="Euler characteristic -3, not -5.*--size below 2 mm"):
+        warn_of_topology({"mesh": -3, "region": -5}, 2.0)

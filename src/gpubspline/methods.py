@@ -16,7 +16,7 @@ from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
-from gpubspline.mesh.element_size import default_size, size_for
+from gpubspline.mesh.element_size import about_elements, default_size, size_for, size_of
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 from gpubspline.spline.lattice import SMOOTHING, surface_hu
@@ -26,6 +26,12 @@ METHODS = ("auto", "tensor", "butterfly", "blocks")
 
 BRIDGED = 0.05
 """Relative difference of volumes of mesh and region from which the tensor method warns."""
+
+SECONDS_PER_HEX = 2.5e-4
+"""What a hex of blocks takes on two cores without others, about: measured from ten thousand to a million."""
+
+LONG_S, FEWER = 90.0, 50_000
+"""Time from which it is said before the work, and the hexes that are offered instead."""
 
 
 MOST_BLOCKS = 1 << 26
@@ -174,7 +180,7 @@ def mesh_body(body: Body, choice: Choice, meshing: Meshing, sampling: Sampling, 
         with clock.stage("sample"):
             return _butterfly_mesh(choice.patches, meshing, sampling, device)
     with clock.stage("blocks"):
-        return _blocks_mesh(body, meshing, sampling, device)
+        return _blocks_mesh(body, meshing, sampling, device, clock)
 
 
 def _butterfly_mesh(made: Butterfly, meshing: Meshing, sampling: Sampling, device: Device) -> Meshed:
@@ -192,7 +198,7 @@ def _butterfly_mesh(made: Butterfly, meshing: Meshing, sampling: Sampling, devic
     return Meshed(mesh, {"fit": fit})
 
 
-def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Device) -> Meshed:
+def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Device, clock: Clock) -> Meshed:
     if sampling.nodes is not None:
         raise InputError("expected --size or --elements for blocks, got --nodes")
     if sampling.optimize:
@@ -206,6 +212,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     element = sampling.element_type or {1: "hex8", 2: "hex20"}.get(sampling.order, f"order {sampling.order}")
     if element not in ("hex8", "hex20", "hex27"):
         raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
+    foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
     made = blocks_mesh(body.region, size, parts=parts, device=device)
     mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
@@ -218,7 +225,37 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         points = mesh.points.astype(np.float64)
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
+    warn_of_topology(made.report.euler, size)
     return Meshed(mesh, made.report.to_dict())
+
+
+def foretell(region: Region, size_mm: float, clock: Clock) -> None:
+    """Say how many blocks there will be, about, and where they take more than a minute how long, and what takes less.
+
+    Voxels count more faces than smooth surfaces have: porous bodies come out smaller.
+    """
+    elements = about_elements(region, size_mm)
+    seconds = elements * SECONDS_PER_HEX
+    clock.tell(f"about {elements:,.0f} hexes, {max(seconds, 1):,.0f} s")
+    if seconds > LONG_S:
+        warnings.warn(
+            f"about {elements:,.0f} hexes of {size_mm:.3g} mm take some {seconds / 60:.0f} minutes; "
+            f"--size {size_of(region, FEWER):.3g} gives about {FEWER:,}",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+
+
+def warn_of_topology(euler: dict[str, int], size_mm: float) -> None:
+    """Warn where the mesh has other bodies, tunnels or cavities than the region."""
+    if euler["mesh"] != euler["region"]:
+        warnings.warn(
+            f"the mesh has other tunnels or cavities than the region (Euler characteristic {euler['mesh']}, not "
+            f"{euler['region']}): gaps or walls thinner than an element are closed or cut; a --size below "
+            f"{size_mm:.3g} mm follows them",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
 
 
 def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, int]]:

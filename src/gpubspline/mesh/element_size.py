@@ -26,20 +26,31 @@ def default_size(region: Region) -> float:
 
     Not smaller than half a voxel, below which the scan tells nothing.
     """
-    finest = max(_guess(region, MOST), 0.5 * float(region.spacing_mm.min()))
-    return float(np.clip(measure_thickness(region).least() / ACROSS, finest, max(finest, _guess(region, FEWEST))))
+    finest = max(size_of(region, MOST), 0.5 * float(region.spacing_mm.min()))
+    return float(np.clip(measure_thickness(region).least() / ACROSS, finest, max(finest, size_of(region, FEWEST))))
 
 
-def _guess(region: Region, elements: int) -> float:
+def about_elements(region: Region, size_mm: float) -> float:
+    """How many blocks of a size, mm, fill the region, about."""
+    return region.volume_mm3 / size_mm**3 + _stairs_mm2(region) / size_mm**2
+
+
+def size_of(region: Region, elements: int) -> float:
     """Size, mm, at which about so many blocks fill the region: cells, and one more on every open face of theirs."""
+    stairs = _stairs_mm2(region)
+    roots = np.roots([elements, 0.0, -stairs, -region.volume_mm3])  # elements = volume / h^3 + stairs / h^2
+    return float(roots[np.isreal(roots)].real.max())
+
+
+def _stairs_mm2(region: Region) -> float:
+    """Area of the open faces of the region's voxels."""
     spacing = region.spacing_mm
     stairs = 0.0
     for axis in range(3):
         low = np.moveaxis(region.mask, 2 - axis, 0)
         face = float(np.prod(spacing) / spacing[axis])
         stairs += face * np.count_nonzero(low[:-1] != low[1:])
-    roots = np.roots([elements, 0.0, -stairs, -region.volume_mm3])  # elements = volume / h^3 + stairs / h^2
-    return float(roots[np.isreal(roots)].real.max())
+    return stairs
 
 
 def size_for(region: Region, elements: int, device: Device) -> float:
