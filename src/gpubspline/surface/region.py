@@ -56,7 +56,9 @@ def region_from_surface(
     if not mask.any():
         low, high = surface.box
         size = "x".join(f"{x:.3g}" for x in high - low)
-        raise InputError(f"expected a surface with voxel centres inside, got one of {size} mm that holds none")
+        raise InputError(
+            f"expected a surface with voxel centres inside, got one of {size} mm that holds none: try a smaller size"
+        )
     return Region(mask, _signed(surface, mask, affine, device), affine)
 
 
