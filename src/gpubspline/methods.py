@@ -214,7 +214,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
     foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
-    made = blocks_mesh(body.region, size, parts=parts, device=device)
+    made = blocks_mesh(body.region, size, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
     mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
     if parts:
         label = np.zeros(mesh.n_elements, dtype=np.int32)

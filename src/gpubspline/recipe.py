@@ -59,12 +59,14 @@ class Meshing:
     method: ``"auto"``, ``"tensor"``, ``"butterfly"`` or ``"blocks"``.
     size_mm, elements: of an element, or how many; for butterfly and blocks.
     conforming: whether faces of blocks follow the boundary between labels.
+    allow_inverted: whether blocks may keep inverted hexes where no place of the lattice gives a mesh without.
     """
 
     method: str = "auto"
     size_mm: float | None = None
     elements: int | None = None
     conforming: bool = True
+    allow_inverted: bool = False
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,16 @@ def stream_patch(
     device: Device,
     clock: Clock,
     body: Body | None = None,
+    allow_inverted: bool = False,
     slab_nodes: int = SLAB_NODES,
 ) -> Model:
     """Do what ``pipeline.sample_patch`` does slab by slab, and write each slab to a ``.vts`` as it comes.
 
     Memory does not grow with the mesh; no connectivity is ever built.
+
+    Raises
+    ------
+    MeshError, and no file is left, where an element is inverted and that is not allowed.
     """
     nodes = sampling.nodes or patch.shape
     seen = tuple(min(n, LOOKED_AT) for n in nodes)
@@ -57,6 +62,8 @@ def stream_patch(
                 alarms.append(nodal_alarms(mesh, material, device, slab.own_nodes, points=1))
             with clock.stage("quality"):
                 mesh, quality = assess(mesh, device)
+                if not allow_inverted:
+                    quality.check()
             with clock.stage("distance"):
                 off = None if body is None else _side_distances(slab, body.region, device, flat)
                 own: dict[str, Any] = {"own_nodes": slab.own_nodes, "out_of_range": alarms[-1].outside}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device, open_device
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.shown import shown
@@ -121,6 +121,16 @@ class Quality:
 
     def _repr_html_(self) -> str:
         return str(shown("quality_html", self))
+
+    def check(self) -> None:
+        """Raise MeshError where an element is inverted: no solver takes it."""
+        if self.inverted:
+            x, y, z = self.worst_centroids_mm[0]
+            raise MeshError(
+                f"{self.inverted:,} of {self.n_elements:,} elements are inverted, the worst at "
+                f"({x:.4g}, {y:.4g}, {z:.4g}) mm; nothing is written: try other counts of control points, --optimize "
+                "or --method blocks, or ask for the mesh as it is by --allow-inverted"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, for JSON."""

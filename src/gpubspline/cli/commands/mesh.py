@@ -44,7 +44,7 @@ def mesh(
     method.check([*source, *files.paths])
     page.check([*source, *files.paths, *method.paths])
     sliced, wanted = region.slice_index is not None, region.source(source, read, spline, sampled.surface_depth)
-    shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing()
+    shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing(files.allow_inverted)
     sampling, device = sampled.sampling(), run.open()
     if sampling.mapping.transverse is not None:
         deck.check_orthotropy(files.output)

@@ -29,6 +29,9 @@ def optimize(
         option("Mesh", "nodes of the surface go along it as it is, or do not move", metavar="slide|stay"),
     ] = "slide",
     summary: Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")] = None,
+    allow_inverted: Annotated[
+        bool, option("Output", "write a mesh with inverted elements, too", "--allow-inverted")
+    ] = False,
 ) -> None:
     """Raise the worst scaled Jacobian of a mesh of hexes or quads by moving its nodes."""
     from gpubspline.cli import describe
@@ -50,6 +53,8 @@ def optimize(
         with clock.stage("optimize"):
             made, report = improved(found, device, boundary=surface)
             made, judged = assess(made, device)
+        if not allow_inverted:
+            judged.check()
         with clock.stage("write"):
             write(made, output)
         figures = {**describe.quality_figures(made, judged, None), "optimized": report.to_dict()}

@@ -61,7 +61,7 @@ class MethodOptions:
             with clock.stage("picture"):
                 write_features(region, figures, self.features)
 
-    def meshing(self) -> Any:
+    def meshing(self, allow_inverted: bool = False) -> Any:
         """What the pipeline meshes by."""
         from gpubspline.recipe import Meshing
 
@@ -71,4 +71,4 @@ class MethodOptions:
             raise InputError(f"expected --elements of 1 or more, got {self.elements}")
         if self.size is not None and self.elements is not None:
             raise InputError("expected --size or --elements, got both")
-        return Meshing(self.method, self.size, self.elements, self.conforming)
+        return Meshing(self.method, self.size, self.elements, self.conforming, allow_inverted)

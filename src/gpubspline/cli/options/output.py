@@ -33,6 +33,9 @@ class OutputOptions:
     picture: Annotated[Path | None, option("Output", "picture of the mesh, .png", metavar="FILE")] = None
     field: Annotated[str, option("Output", "field that colours the picture", metavar="NAME")] = "HU"
     histogram: Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")] = None
+    allow_inverted: Annotated[
+        bool, option("Output", "write a mesh with inverted elements, too", "--allow-inverted")
+    ] = False
 
     _deck = DeckOptions()
     _streamed = False  # whether the mesh was written while it was made
@@ -97,16 +100,21 @@ class OutputOptions:
         solid = patch.parametric_dimension == 3 and first_order
         self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole and self._deck.plain
         if self._streamed:
-            return stream_patch(patch, sampling, self.output, device, clock, body)
+            return stream_patch(patch, sampling, self.output, device, clock, body, self.allow_inverted)
         return pipeline.sample_patch(patch, sampling, device, clock, body)
 
     def write(self, model: Any, figures: dict[str, Any], clock: Any) -> None:
-        """Write what is not written yet."""
+        """Write what is not written yet.
+
+        Raises MeshError, and writes nothing, where elements are inverted and that was not allowed.
+        """
         from gpubspline.export import write
         from gpubspline.report.histogram import write_histogram
         from gpubspline.report.picture import write_picture
         from gpubspline.report.summary import write_summary
 
+        if not self.allow_inverted:
+            model.counted.quality.check()
         if not self._streamed:
             with clock.stage("write"):
                 figures["deck"] = write(model, self.output, law=model.law, **self._deck.how())

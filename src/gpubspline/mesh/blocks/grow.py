@@ -106,19 +106,20 @@ def grow(
     *,
     bulge: bool = True,
     clamp: bool = True,
+    allow_inverted: bool = False,
 ) -> Grown:
     """Grow a layer of hexes on a core to the zero of its level set; see ``mesh_level_set``.
 
     Raises
     ------
-    MeshError where a hex stays inverted.
+    MeshError where a hex stays inverted, unless that is allowed.
     """
     names, distances = tuple(parts or ()), list((parts or {}).values())
     hexes = pillow(core.cells)
     held = hold(hexes)
     holding = Holding(hexes, held, core.cells > 0, distances, device, clamp)
     placed = place_nodes(holding, level, effort, bulge=bulge)
-    if not placed.nodes.least > 0:
+    if not (allow_inverted or placed.nodes.least > 0):
         raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))
     return Grown(level, core, names, held.pairs, hexes, placed)
 

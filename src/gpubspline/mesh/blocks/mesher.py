@@ -39,6 +39,7 @@ def blocks_mesh(
     attempts: int = ATTEMPTS,
     rotation: NDArray[np.float64] | None = None,
     effort: Effort | None = None,
+    allow_inverted: bool = False,
 ) -> Blocks:
     """Mesh a region of any topology with hexes of about one size, none inverted.
 
@@ -57,6 +58,7 @@ def blocks_mesh(
     attempts: most places of the lattice that are tried.
     rotation: (3, 3), columns are the lattice's axes, from which attempts turn it; None takes the patient's.
     effort: what is done to improve the hexes.
+    allow_inverted: take the best mesh even where it has inverted hexes.
 
     Returns
     -------
@@ -64,7 +66,8 @@ def blocks_mesh(
 
     Raises
     ------
-    InputError where nothing is as thick as an element; MeshError where no mesh without inverted hexes was found.
+    InputError where nothing is as thick as an element; MeshError where no mesh was found without inverted hexes, unless
+    they are allowed.
     """
     parts = parts or {}
     check_parts(region, parts)
@@ -81,7 +84,7 @@ def blocks_mesh(
             if best is not None and best.core.is_whole and not core.is_whole:
                 tried.append(Attempt(place, count_hexes(core.cells > 0), None, core.euler["mesh"]))
                 continue
-            made = grow(level, core, device, effort, within)
+            made = grow(level, core, device, effort, within, allow_inverted=allow_inverted)
         except MeshError as error:
             failure = error
             continue
