@@ -110,6 +110,7 @@ def test_a_size_is_not_for_tensor(device):
         ({"shaping": Shaping(control=(5, 5, 4, 5))}, "butterfly"),
         ({"sampling": Sampling(law(), (5, 5, 4, 5))}, "butterfly"),
         ({"meshing": Meshing("blocks")}, "blocks"),
+        ({"meshing": Meshing(refine=2)}, "blocks"),
     ],
 )
 def test_what_implies_a_method(options, method):
@@ -136,6 +137,9 @@ def test_what_implies_a_method(options, method):
         ),
         ({"meshing": Meshing("blocks"), "shaping": Shaping(degree=(2,))}, "no --degree, which is for tensor and b"),
         ({"meshing": Meshing("blocks"), "shaping": Shaping(interpolation="cubic")}, "no --interpolation, which is for"),
+        ({"meshing": Meshing(refine=2), "shaping": Shaping(degree=(2,))}, r"no --degree, .*\(--refine is for it\)"),
+        ({"meshing": Meshing("tensor", refine=2)}, "no --refine, which is for blocks"),
+        ({"meshing": Meshing(refine=2), "structured": True}, r"--output \.vts of tensor and --refine of blocks"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(options, words):
@@ -221,6 +225,19 @@ def test_a_surface_without_ct_is_meshed_without_material(run, ball, tmp_path):
     written = meshio.read(tmp_path / "m.vtu")
     assert set(written.point_data) == set() and "scaled_jacobian" in written.cell_data
     assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+def test_blocks_are_refined_on_their_surface(run, ball, tmp_path):
+    figures = {}
+    for parts in (1, 2):
+        words = ["--size", 3, "--method", "blocks", "--refine", parts, "--summary", tmp_path / "s.json"]
+        assert run("mesh", ball, "-o", tmp_path / "m.vtu", *words)[0] == 0
+        figures[parts] = json.loads((tmp_path / "s.json").read_text())
+    assert figures[2]["elements"] == 8 * figures[1]["elements"]
+    assert figures[2]["scaled_jacobian"]["min"] > figures[1]["scaled_jacobian"]["min"] - 0.04
+    assert figures[2]["surface_distance_mm"]["mean"] < 0.6 * figures[1]["surface_distance_mm"]["mean"]
+    status, _, err = run("mesh", ball, "-o", tmp_path / "n.vtu", "--refine", 2, "--order", 2)
+    assert status == 2 and "expected hex8 with --refine, got hex20" in err and not (tmp_path / "n.vtu").exists()
 
 
 def test_a_surface_takes_its_material_from_a_ct(run, ball, fork_file, tmp_path):

@@ -13,6 +13,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
+from gpubspline.mesh.blocks.refine import refine
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
@@ -76,6 +77,7 @@ def implied(
             for name, counts in (("control", shaping.control), ("nodes", sampling.nodes))
             if counts is not None and len(counts) == 4
         ],
+        "blocks": ["--refine"] if meshing.refine > 1 else [],
     }
     if sized and (asked["tensor"] or meshing.method == "tensor"):
         raise InputError(
@@ -85,12 +87,19 @@ def implied(
     for method, options in asked.items():
         if options and meshing.method not in ("auto", method):
             raise InputError(f"expected no {options[0]}, which is for {method}, with --method {meshing.method}")
+    given = [method for method, options in asked.items() if options]
+    if len(given) > 1:
+        mixed = " and ".join(f"{asked[method][0]} of {method}" for method in given)
+        raise InputError(f"expected options of one method, got {mixed}")
     if meshing.method != "auto":
-        for option in _spline_options(shaping) if meshing.method == "blocks" else ():
-            raise InputError(f"expected no {option}, which is for tensor and butterfly, with --method blocks")
-        return Choice(meshing.method, "asked for")
-    given = next((method for method, options in asked.items() if options), None)
-    return None if given is None else Choice(given, f"{asked[given][0]} is for it")
+        choice = Choice(meshing.method, "asked for")
+    elif given:
+        choice = Choice(given[0], f"{asked[given[0]][0]} is for it")
+    else:
+        return None
+    for option in _spline_options(shaping) if choice.method == "blocks" else ():
+        raise InputError(f"expected no {option}, which is for tensor and butterfly, with blocks ({choice.why})")
+    return choice
 
 
 def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool, structured: bool) -> list[str]:
@@ -212,9 +221,12 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     element = sampling.element_type or {1: "hex8", 2: "hex20"}.get(sampling.order, f"order {sampling.order}")
     if element not in ("hex8", "hex20", "hex27"):
         raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
+    if meshing.refine > 1 and element != "hex8":
+        raise InputError(f"expected hex8 with --refine, got {element}, whose curved edges follow the surface already")
     foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
     made = blocks_mesh(body.region, size, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
+    made = refine(made, meshing.refine, device=device)
     mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
     if parts:
         label = np.zeros(mesh.n_elements, dtype=np.int32)

@@ -59,6 +59,7 @@ class Meshing:
     method: ``"auto"``, ``"tensor"``, ``"butterfly"`` or ``"blocks"``.
     size_mm, elements: of an element, or how many; for butterfly and blocks.
     conforming: whether faces of blocks follow the boundary between labels.
+    refine: parts that each hex of blocks is divided into, in each direction, on the surface that they follow.
     allow_inverted: whether blocks may keep inverted hexes where no place of the lattice gives a mesh without.
     """
 
@@ -66,6 +67,7 @@ class Meshing:
     size_mm: float | None = None
     elements: int | None = None
     conforming: bool = True
+    refine: int = 1
     allow_inverted: bool = False
 
 

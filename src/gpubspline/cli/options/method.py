@@ -9,6 +9,9 @@ from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
 from gpubspline.files import check_apart, check_writable
 
+MOST_REFINED = 8
+"""Parts of a hex in each direction; more are better made by a smaller size."""
+
 
 @dataclass
 class MethodOptions:
@@ -32,6 +35,9 @@ class MethodOptions:
         bool,
         option("Mesh", "blocks: faces follow the boundary between --labels", "--conforming/--no-conforming"),
     ] = True
+    refine: Annotated[
+        int, option("Mesh", "blocks: divide each hex into N in each direction, on the same surface", metavar="N")
+    ] = 1
     features: Annotated[
         Path | None, option("Output", "picture of thin features and of what the mesh leaves out, .png", metavar="FILE")
     ] = None
@@ -71,4 +77,6 @@ class MethodOptions:
             raise InputError(f"expected --elements of 1 or more, got {self.elements}")
         if self.size is not None and self.elements is not None:
             raise InputError("expected --size or --elements, got both")
-        return Meshing(self.method, self.size, self.elements, self.conforming, allow_inverted)
+        if not 1 <= self.refine <= MOST_REFINED:
+            raise InputError(f"expected --refine of 1 to {MOST_REFINED}, got {self.refine}")
+        return Meshing(self.method, self.size, self.elements, self.conforming, self.refine, allow_inverted)
