@@ -33,12 +33,12 @@ def test_calculix_moves_them_as_our_own_solve_does(across, tmp_path):
     case = load_case("stance")
     ours = respond(across, case, open_device("opencl", "float64"), Clock(), tolerance=1e-10).solution.displacement_mm
     errors = []
-    for bins in (8, 64, 4096):
+    for bins in (4, 128, 4096):
         figures = write(across, tmp_path / "deck.inp", load=case, modulus_bins=bins)
         found = displacement((tmp_path / "deck.inp").read_text(), tmp_path / f"ccx{bins}")
         errors.append(np.linalg.norm(found - ours) / np.linalg.norm(ours))
         assert figures["modulus"]["orthotropic"]
-    assert errors[0] > 2 * errors[1] > 20 * errors[2] and errors[2] < 1e-3, errors
+    assert errors[0] > 4 * errors[1] > 20 * errors[2] and errors[2] < 1e-3, errors
 
 
 def test_febio_has_nine_constants_for_a_bin_and_axes_for_an_element(across, tmp_path):
