@@ -34,22 +34,13 @@ def off_target(d: Any, target: Any):
 
 
 @wp.func
-def edge_pull(d: Any, target: Any, weight: Any):
-    """Gradient of weight (ln l^2 - target)^2 by the edge."""
-    i = inverse_length(d)
-    return (type(weight)(4.0) * weight * off_target(d, target) * i) * (i * d)
-
-
-@wp.func
-def shortfall(u: Any, v: Any, w: Any, goal: Any):
-    return wp.max(goal - wp.dot(u, wp.cross(v, w)), type(goal)(0.0))
-
-
-@wp.func
-def lacks(u: Any, v: Any, w: Any, goal: Any, power: wp.int32):
-    """max(0, goal - SJ)^power of a corner with unit edges."""
-    square = shortfall(u, v, w, goal) * shortfall(u, v, w, goal)
-    return wp.where(power == 2, square, square * square)
+def edge(start: Any, end: Any, target: Any, weight: Any, energy: Any):
+    """Unit vector and inverse length of an edge; energy with weight (ln l^2 - target)^2, and the gradient of that."""
+    d = end - start
+    inverse = inverse_length(d)
+    unit = inverse * d
+    off = off_target(d, target)
+    return unit, inverse, energy + weight * off * off, (type(weight)(4.0) * weight * off * inverse) * unit
 
 
 @wp.func
@@ -59,11 +50,32 @@ def falls(short: Any, power: wp.int32):
 
 
 @wp.func
-def pull(u: Any, v: Any, w: Any, length: Any, goal: Any, power: wp.int32):
-    """Derivative of ``lacks`` by the edge u, whose inverse length is given."""
+def corner(
+    u: Any,
+    v: Any,
+    w: Any,
+    iu: Any,
+    iv: Any,
+    iw: Any,
+    goal: Any,
+    power: wp.int32,
+    energy: Any,
+    gu: Any,
+    gv: Any,
+    gw: Any,
+):
+    """Energy and gradients by the edges, with max(0, goal - SJ)^power of a corner of unit edges and its derivatives."""
     vw = wp.cross(v, w)
-    slope = falls(shortfall(u, v, w, goal), power)
-    return (slope * length) * (vw - wp.dot(u, vw) * u)
+    jacobian = wp.dot(u, vw)
+    short = wp.max(goal - jacobian, type(goal)(0.0))
+    square = short * short
+    slope = falls(short, power)
+    return (
+        energy + wp.where(power == 2, square, square * square),
+        gu + (slope * iu) * (vw - jacobian * u),
+        gv + (slope * iv) * (wp.cross(w, u) - jacobian * v),
+        gw + (slope * iw) * (wp.cross(u, v) - jacobian * w),
+    )
 
 
 @wp.func
@@ -105,98 +117,26 @@ def hex_energy(
     lv = log_lengths[m + e]
     lw = log_lengths[2 * m + e]
     total = energy.dtype(0.0)
-    d = p1 - p0
-    iu0 = inverse_length(d)
-    u0 = iu0 * d
-    total = total + weight * off_target(d, lu) * off_target(d, lu)
-    gu0 = edge_pull(d, lu, weight)
-    d = p2 - p3
-    iu1 = inverse_length(d)
-    u1 = iu1 * d
-    total = total + weight * off_target(d, lu) * off_target(d, lu)
-    gu1 = edge_pull(d, lu, weight)
-    d = p5 - p4
-    iu2 = inverse_length(d)
-    u2 = iu2 * d
-    total = total + weight * off_target(d, lu) * off_target(d, lu)
-    gu2 = edge_pull(d, lu, weight)
-    d = p6 - p7
-    iu3 = inverse_length(d)
-    u3 = iu3 * d
-    total = total + weight * off_target(d, lu) * off_target(d, lu)
-    gu3 = edge_pull(d, lu, weight)
-    d = p3 - p0
-    iv0 = inverse_length(d)
-    v0 = iv0 * d
-    total = total + weight * off_target(d, lv) * off_target(d, lv)
-    gv0 = edge_pull(d, lv, weight)
-    d = p2 - p1
-    iv1 = inverse_length(d)
-    v1 = iv1 * d
-    total = total + weight * off_target(d, lv) * off_target(d, lv)
-    gv1 = edge_pull(d, lv, weight)
-    d = p7 - p4
-    iv2 = inverse_length(d)
-    v2 = iv2 * d
-    total = total + weight * off_target(d, lv) * off_target(d, lv)
-    gv2 = edge_pull(d, lv, weight)
-    d = p6 - p5
-    iv3 = inverse_length(d)
-    v3 = iv3 * d
-    total = total + weight * off_target(d, lv) * off_target(d, lv)
-    gv3 = edge_pull(d, lv, weight)
-    d = p4 - p0
-    iw0 = inverse_length(d)
-    w0 = iw0 * d
-    total = total + weight * off_target(d, lw) * off_target(d, lw)
-    gw0 = edge_pull(d, lw, weight)
-    d = p5 - p1
-    iw1 = inverse_length(d)
-    w1 = iw1 * d
-    total = total + weight * off_target(d, lw) * off_target(d, lw)
-    gw1 = edge_pull(d, lw, weight)
-    d = p6 - p2
-    iw2 = inverse_length(d)
-    w2 = iw2 * d
-    total = total + weight * off_target(d, lw) * off_target(d, lw)
-    gw2 = edge_pull(d, lw, weight)
-    d = p7 - p3
-    iw3 = inverse_length(d)
-    w3 = iw3 * d
-    total = total + weight * off_target(d, lw) * off_target(d, lw)
-    gw3 = edge_pull(d, lw, weight)
-    total = total + lacks(u0, v0, w0, goal, power)
-    gu0 = gu0 + pull(u0, v0, w0, iu0, goal, power)
-    gv0 = gv0 + pull(v0, w0, u0, iv0, goal, power)
-    gw0 = gw0 + pull(w0, u0, v0, iw0, goal, power)
-    total = total + lacks(u0, v1, w1, goal, power)
-    gu0 = gu0 + pull(u0, v1, w1, iu0, goal, power)
-    gv1 = gv1 + pull(v1, w1, u0, iv1, goal, power)
-    gw1 = gw1 + pull(w1, u0, v1, iw1, goal, power)
-    total = total + lacks(u1, v1, w2, goal, power)
-    gu1 = gu1 + pull(u1, v1, w2, iu1, goal, power)
-    gv1 = gv1 + pull(v1, w2, u1, iv1, goal, power)
-    gw2 = gw2 + pull(w2, u1, v1, iw2, goal, power)
-    total = total + lacks(u1, v0, w3, goal, power)
-    gu1 = gu1 + pull(u1, v0, w3, iu1, goal, power)
-    gv0 = gv0 + pull(v0, w3, u1, iv0, goal, power)
-    gw3 = gw3 + pull(w3, u1, v0, iw3, goal, power)
-    total = total + lacks(u2, v2, w0, goal, power)
-    gu2 = gu2 + pull(u2, v2, w0, iu2, goal, power)
-    gv2 = gv2 + pull(v2, w0, u2, iv2, goal, power)
-    gw0 = gw0 + pull(w0, u2, v2, iw0, goal, power)
-    total = total + lacks(u2, v3, w1, goal, power)
-    gu2 = gu2 + pull(u2, v3, w1, iu2, goal, power)
-    gv3 = gv3 + pull(v3, w1, u2, iv3, goal, power)
-    gw1 = gw1 + pull(w1, u2, v3, iw1, goal, power)
-    total = total + lacks(u3, v3, w2, goal, power)
-    gu3 = gu3 + pull(u3, v3, w2, iu3, goal, power)
-    gv3 = gv3 + pull(v3, w2, u3, iv3, goal, power)
-    gw2 = gw2 + pull(w2, u3, v3, iw2, goal, power)
-    total = total + lacks(u3, v2, w3, goal, power)
-    gu3 = gu3 + pull(u3, v2, w3, iu3, goal, power)
-    gv2 = gv2 + pull(v2, w3, u3, iv2, goal, power)
-    gw3 = gw3 + pull(w3, u3, v2, iw3, goal, power)
+    u0, iu0, total, gu0 = edge(p0, p1, lu, weight, total)
+    u1, iu1, total, gu1 = edge(p3, p2, lu, weight, total)
+    u2, iu2, total, gu2 = edge(p4, p5, lu, weight, total)
+    u3, iu3, total, gu3 = edge(p7, p6, lu, weight, total)
+    v0, iv0, total, gv0 = edge(p0, p3, lv, weight, total)
+    v1, iv1, total, gv1 = edge(p1, p2, lv, weight, total)
+    v2, iv2, total, gv2 = edge(p4, p7, lv, weight, total)
+    v3, iv3, total, gv3 = edge(p5, p6, lv, weight, total)
+    w0, iw0, total, gw0 = edge(p0, p4, lw, weight, total)
+    w1, iw1, total, gw1 = edge(p1, p5, lw, weight, total)
+    w2, iw2, total, gw2 = edge(p2, p6, lw, weight, total)
+    w3, iw3, total, gw3 = edge(p3, p7, lw, weight, total)
+    total, gu0, gv0, gw0 = corner(u0, v0, w0, iu0, iv0, iw0, goal, power, total, gu0, gv0, gw0)
+    total, gu0, gv1, gw1 = corner(u0, v1, w1, iu0, iv1, iw1, goal, power, total, gu0, gv1, gw1)
+    total, gu1, gv1, gw2 = corner(u1, v1, w2, iu1, iv1, iw2, goal, power, total, gu1, gv1, gw2)
+    total, gu1, gv0, gw3 = corner(u1, v0, w3, iu1, iv0, iw3, goal, power, total, gu1, gv0, gw3)
+    total, gu2, gv2, gw0 = corner(u2, v2, w0, iu2, iv2, iw0, goal, power, total, gu2, gv2, gw0)
+    total, gu2, gv3, gw1 = corner(u2, v3, w1, iu2, iv3, iw1, goal, power, total, gu2, gv3, gw1)
+    total, gu3, gv3, gw2 = corner(u3, v3, w2, iu3, iv3, iw2, goal, power, total, gu3, gv3, gw2)
+    total, gu3, gv2, gw3 = corner(u3, v2, w3, iu3, iv2, iw3, goal, power, total, gu3, gv2, gw3)
     energy[e] = total
     give(-gu0 - gv0 - gw0, gradient, 8, m, 0, e)
     give(gu0 - gv1 - gw1, gradient, 8, m, 1, e)
@@ -206,17 +146,6 @@ def hex_energy(
     give(gu2 - gv3 + gw1, gradient, 8, m, 5, e)
     give(gu3 + gv3 + gw2, gradient, 8, m, 6, e)
     give(-gu3 + gv2 + gw3, gradient, 8, m, 7, e)
-
-
-@wp.func
-def flat_pull(a: Any, b: Any, normal: Any, goal: Any, power: wp.int32, inverse: Any):
-    """Derivative by the edge a of a quad, whose inverse length is given, of what its corner with b lacks.
-
-    For b before a, the normal is to be turned over.
-    """
-    short = shortfall(normal, a, b, goal)
-    jacobian = wp.dot(normal, wp.cross(a, b))
-    return (falls(short, power) * inverse) * (wp.cross(b, normal) - jacobian * a)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -244,39 +173,22 @@ def quad_energy(
     p3 = vertex(x, n, nodes, m, e, 3)
     lu = log_lengths[e]
     lv = log_lengths[m + e]
-    d0 = p1 - p0
-    d1 = p2 - p1
-    d2 = p3 - p2
-    d3 = p0 - p3
-    total = weight * (off_target(d0, lu) * off_target(d0, lu) + off_target(d1, lv) * off_target(d1, lv))
-    total = total + weight * (off_target(d2, lu) * off_target(d2, lu) + off_target(d3, lv) * off_target(d3, lv))
-    g0 = edge_pull(d0, lu, weight)
-    g1 = edge_pull(d1, lv, weight)
-    g2 = edge_pull(d2, lu, weight)
-    g3 = edge_pull(d3, lv, weight)
-    i0 = inverse_length(d0)
-    i1 = inverse_length(d1)
-    i2 = inverse_length(d2)
-    i3 = inverse_length(d3)
-    e0 = i0 * d0
-    e1 = i1 * d1
-    e2 = i2 * d2
-    e3 = i3 * d3
+    total = energy.dtype(0.0)
+    e0, i0, total, g0 = edge(p0, p1, lu, weight, total)
+    e1, i1, total, g1 = edge(p1, p2, lv, weight, total)
+    e2, i2, total, g2 = edge(p2, p3, lu, weight, total)
+    e3, i3, total, g3 = edge(p3, p0, lv, weight, total)
     d = p2 - p0
     f = p3 - p1
     df = wp.cross(d, f)
     over = inverse_length(df)
     normal = over * df
-    total = total + lacks(normal, e0, e1, goal, power) + lacks(normal, e1, e2, goal, power)
-    total = total + lacks(normal, e2, e3, goal, power) + lacks(normal, e3, e0, goal, power)
-    g0 = g0 + flat_pull(e0, e1, normal, goal, power, i0) + flat_pull(e0, e3, -normal, goal, power, i0)
-    g1 = g1 + flat_pull(e1, e2, normal, goal, power, i1) + flat_pull(e1, e0, -normal, goal, power, i1)
-    g2 = g2 + flat_pull(e2, e3, normal, goal, power, i2) + flat_pull(e2, e1, -normal, goal, power, i2)
-    g3 = g3 + flat_pull(e3, e0, normal, goal, power, i3) + flat_pull(e3, e2, -normal, goal, power, i3)
-    gn = falls(shortfall(normal, e0, e1, goal), power) * wp.cross(e0, e1)
-    gn = gn + falls(shortfall(normal, e1, e2, goal), power) * wp.cross(e1, e2)
-    gn = gn + falls(shortfall(normal, e2, e3, goal), power) * wp.cross(e2, e3)
-    gn = gn + falls(shortfall(normal, e3, e0, goal), power) * wp.cross(e3, e0)
+    one = energy.dtype(1.0)
+    gn = energy.dtype(0.0) * normal
+    total, gn, g0, g1 = corner(normal, e0, e1, one, i0, i1, goal, power, total, gn, g0, g1)
+    total, gn, g1, g2 = corner(normal, e1, e2, one, i1, i2, goal, power, total, gn, g1, g2)
+    total, gn, g2, g3 = corner(normal, e2, e3, one, i2, i3, goal, power, total, gn, g2, g3)
+    total, gn, g3, g0 = corner(normal, e3, e0, one, i3, i0, goal, power, total, gn, g3, g0)
     gn = over * (gn - wp.dot(gn, normal) * normal)
     gd = wp.cross(f, gn)
     gf = wp.cross(gn, d)
