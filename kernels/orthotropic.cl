@@ -1,51 +1,10 @@
 // Linear elasticity of hexes of orthotropic material, one an element: what stress gives against the parameters.
 //
 // With Q, symmetric, whose axes are the material's and whose values are fourth roots of its moduli, the stress of a strain
-// e is Q C(Q e Q) Q, where C is isotropic with a modulus of 1. Layouts and the rest as in elasticity.cl, whose flux_forces
-// takes the fluxes on.
+// e is Q C(Q e Q) Q, where C is isotropic with a modulus of 1. Layouts and the rest as in elasticity.h; flux_forces of
+// isoparametric.cl takes the fluxes on.
 
-#define MOST_NODES 27
-
-inline realv gathered(__global const real *plane, __global const int *nodes, int m, int first)
-{
-    union { realv v; real lane[LANES]; } parts;
-    for (int lane = 0; lane < LANES; lane++)
-        parts.lane[lane] = plane[nodes[min(first + lane, m - 1)]];
-    return parts.v;
-}
-
-inline void values_of(int n, __global const real *planes, __global const int *nodes, int k, int m, int e, realv *values)
-{
-    for (int a = 0; a < k; a++)
-        for (int c = 0; c < 3; c++)
-            values[3 * a + c] = gathered(planes + (size_t)c * n, nodes + (size_t)a * m, m, e);
-}
-
-// Derivatives t[component * 3 + direction] at a point.
-inline void tangents(int g, __global const real *slopes, int k, const realv *values, realv *t)
-{
-    for (int q = 0; q < 9; q++)
-        t[q] = 0;
-    slopes += (size_t)g * k * 3;
-    for (int a = 0; a < k; a++)
-        for (int d = 0; d < 3; d++) {
-            real slope = slopes[3 * a + d];
-            for (int c = 0; c < 3; c++)
-                t[3 * c + d] += slope * values[3 * a + c];
-        }
-}
-
-// A by rows from the tangents; gives the determinant.
-inline realv cofactors(const realv *t, realv *A)
-{
-    for (int d = 0; d < 3; d++) {
-        int e = (d + 1) % 3, f = (d + 2) % 3;
-        A[3 * d] = t[3 + e] * t[6 + f] - t[6 + e] * t[3 + f];
-        A[3 * d + 1] = t[6 + e] * t[f] - t[e] * t[6 + f];
-        A[3 * d + 2] = t[e] * t[3 + f] - t[3 + e] * t[f];
-    }
-    return t[0] * A[0] + t[3] * A[1] + t[6] * A[2];
-}
+#include "elasticity.h"
 
 // out = X Y, 3 x 3 by rows.
 inline void times(const realv *X, const realv *Y, realv *out)

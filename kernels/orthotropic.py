@@ -1,8 +1,8 @@
 """Linear elasticity of hexes of orthotropic material, one an element: what stress gives against the parameters.
 
 With Q, symmetric, whose axes are the material's and whose values are fourth roots of its moduli, the stress of a strain
-e is Q C(Q e Q) Q, where C is isotropic with a modulus of 1. Layouts and the rest as in ``elasticity.py``, whose
-``flux_forces`` takes the fluxes on.
+e is Q C(Q e Q) Q, where C is isotropic with a modulus of 1. Layouts and the rest as in ``elasticity.py``;
+``flux_forces`` of ``isoparametric.py`` takes the fluxes on.
 """
 
 from typing import Any

@@ -1,7 +1,7 @@
 // WIDE
 // Linear elasticity of a structured mesh of hex8: K u by rows of elements, without connectivity, matrix or gather.
 //
-// The mathematics, 2 x 2 x 2 Gauss points and names are those of elasticity.cl. Nodes are n_u x n_v x n_w, u fastest, so
+// The mathematics, 2 x 2 x 2 Gauss points and names are those of elasticity.h. Nodes are n_u x n_v x n_w, u fastest, so
 // that the vertices a of a run of elements along u lie side by side in the planes. Derivatives are 12 a component: 4
 // along u, 4 along v, 4 along w.
 //

@@ -106,16 +106,16 @@ class Stiffness:
     def _hex8_forces(self, displacement: Buffer) -> None:
         where = (self.points, displacement, self.n_nodes, self.nodes, self.n_elements)
         how = (*self.lame, self.formulation, self.inverse_modes, self.forces)
-        self.device.launch("elasticity.hex8_forces", self.n_elements, *where, *how)
+        self.device.launch("hex8.forces", self.n_elements, *where, *how)
 
     def _fluxes(self, displacement: Buffer) -> None:
         where = (self.points, displacement, self.n_nodes, self.nodes, self.n_vertices, self.n_elements)
-        kernel = "elasticity.fluxes" if self.roots is None else "orthotropic.fluxes"
+        kernel = "isoparametric.fluxes" if self.roots is None else "orthotropic.fluxes"
         how = (self.slopes, self.weights, self.n_points, *(self.roots or self.lame), self.fluxes)
         self.device.launch(kernel, self.n_elements, *where, *how)
         counts = (self.n_points, self.n_vertices, self.n_elements)
         launched = (self.n_vertices, self.n_elements)
-        self.device.launch("elasticity.flux_forces", launched, self.fluxes, self.slopes, *counts, self.forces)
+        self.device.launch("isoparametric.flux_forces", launched, self.fluxes, self.slopes, *counts, self.forces)
 
     def _gather(self, values: Buffer, components: int, free: Buffer, out: Buffer) -> None:
         count = self.n_vertices * self.n_elements
@@ -127,7 +127,7 @@ class Stiffness:
         values = self.device.empty(6 * self.n_vertices * self.n_elements)
         where = (self.points, self.n_nodes, self.nodes, self.n_vertices, self.n_elements)
         how = (self.slopes, self.weights, self.n_points, *self.lame, values)
-        self.device.launch("elasticity.own_stiffness", (self.n_vertices, self.n_elements), *where, *how)
+        self.device.launch("isoparametric.own_stiffness", (self.n_vertices, self.n_elements), *where, *how)
         blocks, inverse = self.device.empty(6 * self.n_nodes), self.device.empty(6 * self.n_nodes)
         self._gather(values, 6, self.device.put(np.ones(6 * self.n_nodes)), blocks)
         self.device.launch("nodal.invert_blocks", self.n_nodes, blocks, free, self.n_nodes, inverse)
@@ -234,7 +234,7 @@ def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
 def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, slopes: Buffer, n_points: int) -> None:
     out = device.empty((n_points, mesh.n_elements))
     where = (points, mesh.n_nodes, nodes, mesh.element.n_nodes, mesh.n_elements)
-    device.launch("elasticity.jacobians", mesh.n_elements, *where, slopes, n_points, out)
+    device.launch("isoparametric.jacobians", mesh.n_elements, *where, slopes, n_points, out)
     bad = np.flatnonzero(~(device.get(out).min(axis=0) > 0))
     if len(bad):
         raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0] + 1}")
@@ -252,7 +252,7 @@ def _slots(cells: NDArray[np.int32], n_nodes: int) -> tuple[NDArray[Any], NDArra
 
 def _inverse_modes(device: Device, points: Buffer, n: int, nodes: Buffer, m: int, lame: list[Buffer]) -> Buffer:
     modes = device.empty((81, m))
-    device.launch("elasticity.hex8_modes", m, points, n, nodes, m, *lame, modes)
+    device.launch("hex8.modes", m, points, n, nodes, m, *lame, modes)
     values = np.array(device.get(modes))
     for begin in range(0, m, _CHUNK):
         part = values[:, begin : begin + _CHUNK].T.reshape(-1, 9, 9)
