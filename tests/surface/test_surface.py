@@ -76,7 +76,7 @@ def test_a_fin_is_refused_with_its_place(shapes):
     fin = Surface(np.vstack([box.points, [[9, 9, 9]]]), np.vstack([box.triangles, [[0, 1, 8]]]))
     with pytest.raises(InputError, match=r"1 edges that are shared by more than two triangles, .*: remove fins"):
         kept(fin)
-    wall = Surface(box.points, np.vstack([box.triangles, box.triangles[:1], box.triangles[:1, ::-1]]))
+    wall = Surface(box.points, np.vstack([box.triangles, box.triangles[:1]]))
     with pytest.raises(InputError, match=r"3 edges that are shared by more than two triangles, the first at"):
         kept(wall)
 

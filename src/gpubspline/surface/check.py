@@ -8,20 +8,32 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.surface.edges import Edges, find_edges
 from gpubspline.surface.inside import winding_numbers
 from gpubspline.surface.surface import Integers, Surface, spelled
+
+CLOSE = "close its holes, for example with MeshLab's Close Holes, Meshmixer or pymeshfix"
+PART = "remove fins and inner walls, or part the bodies that touch"
 
 
 def closed(surface: Surface, name: str = "the surface") -> Surface:
     """Give the largest body of the surface, all triangles facing outwards, those of cavities into the cavity.
 
+    Bodies that touch along an edge are one.
+
     Raises
     ------
-    InputError, with a place, where an edge belongs to one triangle only (a hole) or to more than two (a fin, bodies
-    that touch), or the surface has one side only. What was turned or left out is warned of.
+    InputError, with a place, where an edge belongs to one triangle only (a hole), or to more than two that do not bound
+    bodies (a fin, an inner wall), or the surface has one side only. What was turned or left out is warned of.
     """
-    first, second, same = _neighbours(surface, name)
-    turned = _turned(surface, first, second, same, name)
+    edges = find_edges(surface.triangles)
+    _refuse(_open(edges), edges, surface, name, "open", CLOSE)
+    first, second = edges.pairs(edges.count == 2)
+    same = edges.upward[first] == edges.upward[second]
+    turned = _turned(surface, edges.owner[first], edges.owner[second], same, name)
+    uneven = np.bincount(edges.number, np.where(edges.upward ^ turned[edges.owner], 1.0, -1.0)) != 0
+    _refuse(uneven & (edges.count > 2), edges, surface, name, "shared by more than two triangles", PART)
+    _refuse(uneven, edges, surface, name, "open", CLOSE)
     triangles = np.where(turned[:, None], surface.triangles[:, ::-1], surface.triangles)
     flipped = int(turned.sum())
     if flipped:
@@ -30,43 +42,23 @@ def closed(surface: Surface, name: str = "the surface") -> Surface:
             GpubsplineWarning,
             stacklevel=3,
         )
-    return _largest(Surface(surface.points, triangles), _bodies(len(turned), first, second), name)
+    return _largest(Surface(surface.points, triangles), edges.connected(edges.count > 1), name)
 
 
-def _neighbours(surface: Surface, name: str) -> tuple[Integers, Integers, NDArray[np.bool_]]:
-    """Pairs of triangles across each edge, and whether both run along it in the same direction."""
-    t = surface.triangles
-    sides = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    owner, upward = np.tile(np.arange(len(t)), 3), sides[:, 0] < sides[:, 1]
-    key = sides.min(axis=1) * len(surface.points) + sides.max(axis=1)
-    order = np.argsort(key, kind="stable")
-    _, start, count = np.unique(key[order], return_index=True, return_counts=True)
-    alone = _open_sides(owner[order], start, count)
-    for wrong, what, advice in (
-        (alone, "open", "close its holes, for example with MeshLab's Close Holes, Meshmixer or pymeshfix"),
-        (count > 2, "shared by more than two triangles", "remove fins and inner walls, or part the bodies that touch"),
-    ):
-        if wrong.any():
-            place = surface.points[sides[order[start[wrong][0]]]].mean(axis=0)
-            raise InputError(
-                f"expected {name} to be a closed surface, got {int(wrong.sum()):,} edges that are {what}, the first at "
-                f"{spelled(place)}: {advice}"
-            )
-    one, other = order[start], order[start + 1]
-    return owner[one], owner[other], upward[one] == upward[other]
+def _refuse(wrong: NDArray[np.bool_], edges: Edges, surface: Surface, name: str, what: str, advice: str) -> None:
+    if wrong.any():
+        place = surface.points[edges.sides[edges.order[edges.start[wrong][0]]]].mean(axis=0)
+        raise InputError(
+            f"expected {name} to be a closed surface, got {int(wrong.sum()):,} edges that are {what}, the first at "
+            f"{spelled(place)}: {advice}"
+        )
 
 
-def _open_sides(owner: Integers, start: Integers, count: Integers) -> NDArray[np.bool_]:
+def _open(edges: Edges) -> NDArray[np.bool_]:
     """Edges of one triangle, but for those of fins: of triangles that hang on an edge which others share already."""
-    crowded = np.zeros(int(owner.max()) + 1, dtype=bool)
-    crowded[owner[np.repeat(count > 2, count)]] = True
-    return np.asarray((count == 1) & ~crowded[owner[start]])
-
-
-def _bodies(n_triangles: int, first: Integers, second: Integers) -> Integers:
-    """Number (m,) of the connected body of each triangle."""
-    graph = coo_array((np.ones(len(first)), (first, second)), shape=(n_triangles, n_triangles))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    crowded = np.zeros(len(edges.sides) // 3, dtype=bool)
+    crowded[edges.owner[(edges.count > 2)[edges.number]]] = True
+    return np.asarray((edges.count == 1) & ~crowded[edges.owner[edges.order[edges.start]]])
 
 
 def _turned(
@@ -79,7 +71,7 @@ def _turned(
     weight = np.where(same, 2.0, 1.0)  # an explicit value: 0 would be no edge
     graph = coo_array((weight, (first, second)), shape=(len(turned),) * 2).tocsr()
     graph = graph + graph.T
-    body = _bodies(len(turned), first, second)
+    body = connected_components(graph, directed=False)[1]
     for number in np.unique(body[first[same]]):
         members = np.flatnonzero(body == number)
         order, parent = breadth_first_order(graph, members[0], directed=False)

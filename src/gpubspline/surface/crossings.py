@@ -4,26 +4,47 @@ Two triangles that are not in one plane pass through each other where, and only 
 other. Every edge is tried against the triangles in its bins that share no point with it.
 """
 
+import warnings
+
 import numpy as np
 
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.surface.bins import Bins, bin_triangles
 from gpubspline.surface.boxes import CHUNK, walk_boxes
+from gpubspline.surface.inside import SAMPLED, doubtful_share
 from gpubspline.surface.surface import Floats, Integers, Surface, spelled, unique_edges
 
 ROUNDING = 1e-12
 """Of the cube of the surface's extent. An end of an edge that makes a smaller tetrahedron with a triangle lies in its
 plane: the edge touches it and does not pass through."""
 
+DOUBTFUL = 2e-3
+"""Of the volume: as much may be held twice or inside out."""
+
 
 def check_apart(surface: Surface, name: str = "the surface") -> None:
-    """Raise ``InputError``, with a place, where the surface passes through itself."""
+    """Refuse a surface that passes through itself, unless what is inside is hardly in doubt: then warn.
+
+    Raises
+    ------
+    InputError, with a place, where more than ``DOUBTFUL`` of the volume is held twice or inside out.
+    """
     places = self_crossings(surface)
-    if len(places):
+    if not len(places):
+        return
+    share, where = doubtful_share(surface), f"the first at {spelled(places[0])}"
+    if share > DOUBTFUL:
         raise InputError(
-            f"expected {name} not to pass through itself, got {len(places):,} edges that pass through triangles, the "
-            f"first at {spelled(places[0])}: mend it, for example with MeshLab or pymeshfix"
+            f"expected {name} not to pass through itself, got {len(places):,} edges that pass through triangles, "
+            f"{where}, and {100 * share:.2g} % of the volume held twice or inside out: mend it, for example with "
+            "MeshLab or pymeshfix"
         )
+    warnings.warn(
+        f"{name} passes through itself at {len(places):,} edges, {where}: what it holds twice, at most "
+        f"{100 * max(share, 1 / SAMPLED):.2g} % of the volume, is taken as inside",
+        GpubsplineWarning,
+        stacklevel=3,
+    )
 
 
 def self_crossings(surface: Surface) -> Floats:

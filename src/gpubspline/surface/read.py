@@ -16,6 +16,8 @@ from scipy.spatial import KDTree
 from gpubspline.errors import BackendUnavailable, GpubsplineWarning, InputError
 from gpubspline.surface.check import closed
 from gpubspline.surface.crossings import check_apart
+from gpubspline.surface.edges import find_edges
+from gpubspline.surface.mend import Mending, mended
 from gpubspline.surface.obj import read_obj
 from gpubspline.surface.surface import Floats, Integers, Surface
 
@@ -25,8 +27,8 @@ EXTENSIONS = (".stl", ".obj", ".ply", ".off", ".vtp")
 SMALLEST_MM = 1.0
 """A surface that is smaller is taken for one in other units."""
 
-SAME = 1e-7
-"""Of the surface's extent: points nearer than this are one where the surface is open without: STL repeats points."""
+SAME = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+"""Of the surface's extent: points of open edges nearer than the first of these that closes it are one."""
 
 
 def is_surface(path: str | Path) -> bool:
@@ -37,8 +39,9 @@ def is_surface(path: str | Path) -> bool:
 def read_surface(path: str | Path) -> Surface:
     """Read a closed surface; its coordinates are taken for LPS mm.
 
-    Quads and polygons are split into triangles, repeated points joined, triangles without area dropped. Of several
-    bodies the largest is kept, with its cavities; what faces the wrong way is turned; both are warned of.
+    Quads and polygons are split into triangles, repeated points joined, triangles without area dropped. Warned of, with
+    places: small faults are mended (``mend``), of several bodies the largest is kept, with its cavities, what faces the
+    wrong way is turned, and what hardly passes through itself is taken as it is (``crossings``).
 
     Raises
     ------
@@ -53,8 +56,12 @@ def read_surface(path: str | Path) -> Surface:
     points, triangles = {".vtp": _read_vtp, ".obj": read_obj}.get(path.suffix.lower(), _read_meshio)(path)
     if not len(triangles):
         raise InputError(f"expected triangles in {path.name}, got none")
-    surface = closed(_joined(Surface(points, triangles), path.name), path.name)
+    surface, mendings = _mended(Surface(points, triangles), path.name)
+    surface = closed(surface, path.name)
     check_apart(surface, path.name)
+    if mendings:
+        what = "; ".join(map(str, mendings))
+        warnings.warn(f"{path.name} was mended: {what}", GpubsplineWarning, stacklevel=2)
     _warn_of_units(surface, path.name)
     return surface
 
@@ -122,22 +129,35 @@ def _fan(polygons: NDArray[Any]) -> Integers:
     return np.stack(parts, axis=1).reshape(-1, 3)
 
 
-def _joined(surface: Surface, name: str) -> Surface:
-    """Join equal points, and nearly equal ones where edges stay open without; drop what has no area left."""
+def _mended(surface: Surface, name: str) -> tuple[Surface, list[Mending]]:
+    """Join equal points and mend; where it stays open, join points of open edges that are as near as need be."""
     _, first, number = np.unique(surface.points, axis=0, return_index=True, return_inverse=True)
     exact = _merged(surface.points[first], number.reshape(-1)[surface.triangles], name)
-    if _all_shared(exact.triangles):
-        return exact
-    step = SAME * float(np.ptp(surface.points, axis=0).max())
-    pairs = KDTree(exact.points).query_pairs(step, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(exact.points),) * 2)
+    found, mendings = mended(exact)
+    for share in SAME if _is_open(found) else ():
+        joined, points = _joined(exact, share * float(np.ptp(exact.points, axis=0).max()), name)
+        near, done = mended(joined)
+        if not _is_open(near):
+            return near, [points, *done]
+    return found, mendings
+
+
+def _joined(surface: Surface, step: float, name: str) -> tuple[Surface, Mending]:
+    """Join the points of open edges that are nearer than this, mm."""
+    edges = find_edges(surface.triangles)
+    border = np.unique(edges.sides[(edges.count == 1)[edges.number]])
+    pairs = border[KDTree(surface.points[border]).query_pairs(step, output_type="ndarray")]
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(surface.points),) * 2)
     number = connected_components(graph, directed=False)[1]
     _, first = np.unique(number, return_index=True)
-    near = _merged(exact.points[first], number[exact.triangles], name)
-    if not _all_shared(near.triangles):
-        return exact
-    warnings.warn(f"points of {name} closer than {step:.2g} mm joined to close it", GpubsplineWarning, stacklevel=3)
-    return near
+    place = surface.points[pairs.min()] if len(pairs) else surface.points[0]
+    what = f"points of open edges closer than {step:.2g} mm joined"
+    near = _merged(surface.points[first], number[surface.triangles], name)
+    return near, Mending(len(surface.points) - len(first), what, place)
+
+
+def _is_open(surface: Surface) -> bool:
+    return bool((find_edges(surface.triangles).count == 1).any())
 
 
 def _merged(points: Floats, triangles: Integers, name: str) -> Surface:
@@ -146,9 +166,3 @@ def _merged(points: Floats, triangles: Integers, name: str) -> Surface:
     if not whole.any():
         raise InputError(f"expected triangles of three different points in {name}, got none")
     return Surface(points, triangles[whole])
-
-
-def _all_shared(triangles: Integers) -> bool:
-    """Whether every edge belongs to at least two triangles."""
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    return bool((np.unique(sides, axis=0, return_counts=True)[1] > 1).all())
