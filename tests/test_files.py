@@ -16,6 +16,15 @@ def test_a_file_appears_when_it_is_whole(tmp_path):
     assert path.read_text() == "new" and [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
+def test_names_as_long_as_file_systems_take(tmp_path):
+    path = tmp_path / ("ü" * 125 + ".json")  # 255 bytes
+    with whole_file(path) as temporary:
+        temporary.write_text("new")
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+    with pytest.raises(InputError, match=r"cannot write üü.*: File name too long"):
+        check_writable(tmp_path / ("ü" * 126 + ".json"))
+
+
 @pytest.mark.parametrize("interrupt", [KeyboardInterrupt, OSError, SystemExit])
 def test_nothing_is_left_of_what_was_interrupted(tmp_path, interrupt):
     path = tmp_path / "a.json"

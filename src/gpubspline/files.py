@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,11 +11,14 @@ from pathlib import Path
 from gpubspline.errors import InputError
 
 ENDINGS = re.compile(
-    r"(\.nii\.gz|\.(nii|nrrd|nhdr|mha|mhd|npy|npz|dcm|json|toml|csv|html|png|inp|feb|bdf|cdb|rad|k|msh|xdmf|vtk|vtu|vts"
-    r"|vtkhdf|vtp|exo|med|stl|obj|ply|off))$",
+    r"(\.(nii|hdr|img)\.gz|\.(nii|hdr|img|nrrd|nhdr|mha|mhd|npy|npz|dcm|json|toml|csv|html|png|inp|feb|bdf|cdb|rad|k"
+    r"|msh|xdmf|vtk|vtu|vts|vtkhdf|vtp|exo|med|stl|obj|ply|off))$",
     re.IGNORECASE,
 )
 """Endings of file names that say what a file is."""
+
+SHOWN = 40
+"""Characters of a file's name in that of its temporary file, which file systems allow 255 bytes."""
 
 
 def check_writable(path: Path) -> None:
@@ -23,9 +27,15 @@ def check_writable(path: Path) -> None:
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InputError(f"expected an existing folder for {path.name}, got {folder}, which does not exist")
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
+    except OSError as error:  # a name that is too long, for one
+        raise InputError(f"cannot write {path.name}: {error.strerror}") from None
+    if stat.S_ISDIR(mode):
         raise InputError(f"expected a file to write, got the folder {path}")
-    if path.exists() and not path.is_file():  # a file would take the place of /dev/null, where root may
+    if not stat.S_ISREG(mode):  # a file would take the place of /dev/null, where root may
         raise InputError(f"expected a file to write, got the device or pipe {path}")
     try:  # root may pass os.access on a read-only file system: try
         with tempfile.TemporaryFile(dir=folder):
@@ -59,7 +69,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     path = _followed(Path(path))
     check_writable(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    temporary = path.with_name(f".{path.stem[:SHOWN]}.{os.getpid()}{path.suffix}")
     try:
         yield temporary
         temporary.replace(path)
@@ -69,7 +79,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 def _followed(path: Path) -> Path:
     """Where a link leads to; what is no link itself."""
-    return path.resolve() if path.is_symlink() else path
+    return path.resolve() if os.path.islink(path) else path
 
 
 def kind(path: str | Path) -> str:
