@@ -11,9 +11,15 @@ from gpubspline.cli import warned
 from gpubspline.cli.app import USAGE_ERROR, app
 from gpubspline.errors import GpubsplineError, GpubsplineWarning
 
+INTERRUPTED = 130
+"""Exit status of a process that Ctrl-C ended, as shells have it: 128 and the number of the signal."""
+
 
 def main() -> None:
-    """Run the command line; whatever is wrong with the input is one line on stderr and exit status 2."""
+    """Run the command line.
+
+    Whatever is wrong with the input is one line on stderr and exit status 2; so is an interrupt, with 130.
+    """
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GpubsplineWarning)
     warnings.showwarning = warned.warn
@@ -22,14 +28,20 @@ def main() -> None:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except USAGE_ERROR as error:
         _fail(error.format_message())
-    except typer.Abort:
-        _fail("interrupted", 130)
+    except (typer.Abort, KeyboardInterrupt):
+        _fail("interrupted", INTERRUPTED)
+    except ImportError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # in the middle of loading a compiled module
+            _fail("interrupted", INTERRUPTED)
+        raise
     except GpubsplineError as error:
         _fail(str(error))
     except OSError as error:
         _fail(f"cannot use {error.filename}: {error.strerror}" if error.filename else str(error))
     except MemoryError:
         _fail("not enough memory: ask for fewer nodes, or crop the CT with --box")
+    if status == INTERRUPTED:  # which Typer makes of an interrupt, without a word
+        _fail("interrupted", INTERRUPTED)
     raise SystemExit(status if isinstance(status, int) else 0)
 
 

@@ -1,0 +1,43 @@
+"""An interrupt is one line and the exit status that shells give it, and leaves no file."""
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpubspline import pipeline
+
+
+@pytest.fixture
+def ct(tmp_path: Path) -> Path:
+    k, j, i = np.mgrid[:12, :12, :12] - 5.5
+    np.save(tmp_path / "ball.npy", np.where(k**2 + j**2 + i**2 < 20, 500, -1000).astype(np.int16))
+    return tmp_path / "ball.npy"
+
+
+def press(*_: Any, **__: Any) -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def load(*_: Any, **__: Any) -> None:
+    """Load a compiled module meanwhile, which says it in its own way."""
+    raise ImportError("initialization failed") from KeyboardInterrupt()
+
+
+@pytest.mark.parametrize("interrupt", [press, load])
+def test_an_interrupt_is_one_line(run: Any, ct: Path, monkeypatch: pytest.MonkeyPatch, interrupt: Any) -> None:
+    monkeypatch.setattr(pipeline, "fit", interrupt)
+    told = run("mesh", ct, "--spacing", "1,1,1", "--method", "tensor", "-o", ct.parent / "m.vtu")
+    assert told == (130, "", "gpubspline: error: interrupted\n")
+    assert [path.name for path in ct.parent.iterdir()] == ["ball.npy"]
+
+
+def test_other_errors_of_loading_are_not_hidden(run: Any, ct: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise ImportError("no such module")
+
+    monkeypatch.setattr(pipeline, "fit", broken)
+    with pytest.raises(ImportError, match="no such module"):
+        run("mesh", ct, "--spacing", "1,1,1", "--method", "tensor", "-o", ct.parent / "m.vtu")
