@@ -4,11 +4,15 @@ import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from gpubspline.analysis import study
+from gpubspline.ct.image import read_volume
 from gpubspline.ct.phantom_dicom import write_phantom
+from gpubspline.errors import InputError
 
 Command = Callable[..., tuple[int, str, str]]
 LIST = "7x8x12 9x10x15 11x13x19"
@@ -70,6 +74,42 @@ def test_a_mapping_that_reads_the_ct_is_not_taken_for_that_of_the_model_file(
     status, _, err = run("fit", scan, "--labels", scan, "-o", tmp_path / "refused.npz")
     assert status == 2 and "expected --labels where a mesh is made" in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["model.npz", "out"]
+
+
+def test_a_calibration_counts_by_what_it_measures(
+    run: Command, scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mask of its rods may lie elsewhere, or hold other places under one name."""
+    volume, keys = read_volume(scan), list[str]()
+    (tmp_path / "here").mkdir()
+
+    def note(*_: Any, made_from: str, **__: Any) -> None:
+        keys.append(made_from)
+        raise InputError("seen enough")
+
+    def mark(shift: int) -> None:
+        labels = np.zeros(volume.hu.shape, np.uint8)
+        at = np.argwhere(volume.hu > 900)[0]
+        labels[:, :4, shift : shift + 4], labels[tuple(at)] = 1, 2
+        np.save(tmp_path / "here" / "rods.npy", labels)
+
+    def key(folder: Path) -> str:
+        status, _, err = run(
+            "study", scan, "--load", "stance", "--calibration", folder / "c.toml", "-o", tmp_path / "o"
+        )
+        assert (status, err) == (2, "gpubspline: error: seen enough\n")
+        return keys.pop()
+
+    monkeypatch.setattr(study, "run_study", note)
+    mark(0)
+    rods = "".join(f"[[rods]]\ndensity_g_cm3 = {rho}\nlabel = {n}\n" for n, rho in ((1, 0.0), (2, 1.2)))
+    (tmp_path / "here" / "c.toml").write_text(f"kind = 'QCT'\nmask = 'rods.npy'\n{rods}")
+    first = key(tmp_path / "here")
+    (tmp_path / "here").rename(tmp_path / "there")
+    assert key(tmp_path / "there") == first
+    (tmp_path / "there").rename(tmp_path / "here")
+    mark(6)
+    assert key(tmp_path / "here") != first
 
 
 WRONG = {

@@ -40,16 +40,17 @@ def study(
     from gpubspline.analysis.convergence import converge
     from gpubspline.analysis.study import identity, run_study
     from gpubspline.cli import describe, describe_study
-    from gpubspline.pipeline import sample_material
+    from gpubspline.pipeline import calibrate, sample_material
 
     if sampled.nodes is not None or region.slice_index is not None:
         raise InputError("expected --nodes-list for the meshes of a solid, got --nodes or --slice")
     if sampled.optimize or region.labels is not None:
         raise InputError("expected meshes as they are sampled to study, got --optimize or --labels")
-    page.check(source)
+    page.check([*source, *region.files, *sampled.files])
     studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
     with run.clock() as clock:
         patch, body = _body(source, read, region, spline, sampled.surface_depth, device, clock)
+        sampling, _ = calibrate(sampling, body)  # once, and the key has what came of it, not where its files lie
 
         def make(nodes: tuple[int, int, int]) -> Any:
             return sample_material(patch, replace(sampling, nodes=nodes), device, body)
@@ -77,13 +78,12 @@ def _report(
     """Write the page: the table and curves of the study, and its finest mesh."""
     from gpubspline.cli import describe
     from gpubspline.mesh.quality import assess
-    from gpubspline.pipeline import calibrate
     from gpubspline.report.page.study import study_parts
 
     judged, quality = assess(finest, device)
     figures = {key: value for key, value in found.to_dict().items() if key not in ("models", "limits")}
     figures |= {"backend": device.backend, "device": device.label}
-    known: dict[str, Any] = {"quality": quality, "laws": [calibrate(sampling, body)[0].law]} | study_parts(found)
+    known: dict[str, Any] = {"quality": quality, "laws": [sampling.law]} | study_parts(found)
     case = found.models[-1]["load_case"]
     title = f"{case['title'] or case['name']}: {len(found.models)} meshes, the finest of {describe.kind(judged)}"
     volume = None if body is None else body.volume
