@@ -1,5 +1,6 @@
 """A model as plain data: names, surfaces, units, loads as cards and as nodal forces, what is refused."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,22 @@ def test_names_are_letters_digits_and_underscores_and_differ(femur):
     explicit = replace(femur, structure=None, connectivity=femur.cells, node_sets=sets)
     found = deck(explicit).mesh.node_sets
     assert [(name, len(members)) for name, members in found.items()] == [("a_b", 3), ("A_B_2", 4), ("set_2nd", 5)]
+
+
+def test_sets_are_not_taken_for_the_decks_own(femur, tmp_path):
+    """Abaqus and CalculiX do not tell Modulus_1 from the section modulus_1; what a deck gave itself comes back so."""
+    n, sets = femur.n_elements, {"Modulus_1": np.arange(3), "BODY": np.arange(5), "modulus_2": np.arange(2)}
+    mesh = replace(femur, element_sets=sets, node_sets={**femur.node_sets, "All nodes": np.arange(4)})
+    write(mesh, tmp_path / "a.inp", modulus_bins=3)
+    keys = re.findall(r"^\*(?:NODE|ELEMENT|NSET|ELSET).*, (NSET|ELSET)=(\w+)", (tmp_path / "a.inp").read_text(), re.M)
+    assert len({(kind, name.lower()) for kind, name in keys}) == len(keys)
+    found = deck(mesh, modulus_bins=3)
+    assert found.body == "body" and {k: len(v) for k, v in found.element_sets.items()} == {
+        "Modulus_1_2": 3,
+        "BODY_2": 5,
+    }
+    assert len(found.node_sets["All_nodes_2"]) == 4 and sum(len(s.members) for s in found.sections) == n
+    assert set(deck(mesh, "vtu").mesh.element_sets) == set(sets)
 
 
 @pytest.mark.parametrize(

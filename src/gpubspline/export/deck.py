@@ -31,6 +31,9 @@ DEFAULT_BINS = 100
 CONSTANTS = (*MODULI, "nu12", "nu13", "nu23", "G12_MPa", "G13_MPa", "G23_MPa")
 """Fields of orthotropic elements, in the order of Abaqus's engineering constants."""
 
+ALL_NODES, BODY = "all_nodes", ("body", "all_elements")
+"""Sets that decks have of their own: of all nodes, and of all elements, where the body is a part as well."""
+
 LARGEST_TEMPERATURE = 1000.0
 """CalculiX 2.20 takes temperatures above 2,000, or below -2,000, for none: elements get the modulus at zero."""
 
@@ -110,13 +113,13 @@ class Deck:
     @property
     def body(self) -> str:
         """Name of the set of all elements."""
-        whole = len(self.mesh.element_sets.get("body", ())) in (0, self.mesh.n_elements)
-        return "body" if whole else "all_elements"
+        whole = len(self.mesh.element_sets.get(BODY[0], ())) in (0, self.mesh.n_elements)
+        return BODY[0] if whole else BODY[1]
 
     @property
     def node_sets(self) -> dict[str, NDArray[Any]]:
         """Node sets but for ``all_nodes``, which some decks have of their own."""
-        return {name: members for name, members in self.mesh.node_sets.items() if name != "all_nodes"}
+        return {name: members for name, members in self.mesh.node_sets.items() if name != ALL_NODES}
 
     @property
     def element_sets(self) -> dict[str, NDArray[Any]]:
@@ -179,10 +182,12 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     placed = Placed(None, {}, {}) if wanted.load is None else place_loads(wanted.load, mesh)
     wants_faces = form.binned or mesh.structure is not None or wanted.load is not None  # else they cost a search
     faces = _surfaces(mesh) if mesh.element.dimension == 3 and form.sets and wants_faces else {}
-    node_sets, _ = joined(mesh.node_sets, placed.node_sets, _same_nodes, form.longest_name)
-    surfaces, called = joined(faces, placed.surfaces, _same_faces, form.longest_name)
-    renamed = replace(mesh, node_sets=node_sets, element_sets=named(mesh.element_sets, {}, form.longest_name))
     means = _material(mesh, form, wanted)
+    of_nodes, of_elements = ((ALL_NODES,), (*BODY, *(s.name for s in means.sections))) if form.binned else ((), ())
+    node_sets, _ = joined(mesh.node_sets, placed.node_sets, _same_nodes, form.longest_name, of_nodes)
+    surfaces, called = joined(faces, placed.surfaces, _same_faces, form.longest_name)
+    element_sets = named(mesh.element_sets, {}, form.longest_name, of_elements)
+    renamed = replace(mesh, node_sets=node_sets, element_sets=element_sets)
     return Deck(
         mesh=_in_units(renamed, wanted.units),
         units=wanted.units,

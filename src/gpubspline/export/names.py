@@ -1,13 +1,18 @@
 """Names of sets and surfaces that a format takes: letters, digits, underscores, and no longer than it holds."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TypeVar
 
 Kept = TypeVar("Kept")
 
 
-def named(own: Mapping[str, Kept], added: Mapping[str, Kept], longest: int | None = None) -> dict[str, Kept]:
+def named(
+    own: Mapping[str, Kept],
+    added: Mapping[str, Kept],
+    longest: int | None = None,
+    held: Collection[str] = (),
+) -> dict[str, Kept]:
     """Both, under names that a solver takes, which differ by more than their case.
 
     Arguments
@@ -15,15 +20,21 @@ def named(own: Mapping[str, Kept], added: Mapping[str, Kept], longest: int | Non
     own: what is named already.
     added: what joins it; one that is called as one of ``own`` gets another name.
     longest: characters of a name, None for any number; what is longer is cut.
+    held: names that the deck gives itself; what is called so to the letter is the deck's own, read again.
     """
     taken: dict[str, Kept] = {}
     for name, kept in (*own.items(), *added.items()):
-        taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), taken, longest)] = kept
+        used = taken.keys() if name in held else (*taken, *held)
+        taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), used, longest)] = kept
     return taken
 
 
 def joined(
-    own: Mapping[str, Kept], added: Mapping[str, Kept], same: Callable[[Kept, Kept], bool], longest: int | None = None
+    own: Mapping[str, Kept],
+    added: Mapping[str, Kept],
+    same: Callable[[Kept, Kept], bool],
+    longest: int | None = None,
+    held: Collection[str] = (),
 ) -> tuple[dict[str, Kept], dict[str, str]]:
     """Both as of ``named``, and by which name each of ``added`` is found there.
 
@@ -31,7 +42,7 @@ def joined(
     the side of the mesh of its name.
     """
     fresh = {name: kept for name, kept in added.items() if name not in own or not same(own[name], kept)}
-    both = named(own, fresh, longest)
+    both = named(own, fresh, longest, held)
     names = {id(kept): name for name, kept in both.items()}
     return both, {name: names[id(fresh[name] if name in fresh else own[name])] for name in added}
 
