@@ -7,6 +7,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -236,6 +237,30 @@ def test_fingerprint_is_of_content(cohort: Cohort, tmp_path: Path) -> None:
     assert fingerprint(series, {}) != whole
 
 
+@pytest.mark.parametrize(
+    ("file", "text", "other"),
+    [
+        ("a.mhd", "NDims = 3\nElementDataFile = b.raw\n", "b.raw"),
+        ("a.mhd", "NDims = 3\nElementDataFile = LIST\nb.raw\nc.raw\n", "c.raw"),
+        ("a.mhd", "NDims = 3\nElementDataFile = s%03d.raw 1 2 1\n", "s002.raw"),
+        ("a.nhdr", "NRRD0004\ndata file: b.raw\n", "b.raw"),
+        ("a.nhdr", "NRRD0004\ndata file: LIST 2\nb.raw\nc.raw\n", "c.raw"),
+        ("a.hdr", "", "a.img"),
+        ("a.img.gz", "", "a.hdr.gz"),
+        ("a.toml", "kind = 'ash'\nmask = 'rods.nii.gz'\n", "rods.nii.gz"),
+    ],
+)
+def test_fingerprint_is_of_the_files_that_a_file_names(tmp_path: Path, file: str, text: str, other: str) -> None:
+    (tmp_path / file).write_text(text)
+    (tmp_path / other).write_text("one")
+    subject = Subject("s", 2, (tmp_path / file,), {}, (tmp_path / file,))
+    first = fingerprint(subject, {})
+    (tmp_path / "beside.raw").write_text("no part of it")
+    assert fingerprint(subject, {}) == first
+    (tmp_path / other).write_text("two")
+    assert fingerprint(subject, {}) != first
+
+
 class _Client:
     """Two machines: one of three workers, one of one."""
 
@@ -282,6 +307,14 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
             cluster.open_client(address, 1),
         ):
             pass
+
+
+def test_workers_of_another_version_are_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They would not understand the work, or do it in another way."""
+    monkeypatch.setattr(cluster, "version", lambda _: "99.0")
+    expected = f"expected gpubspline 99.0 for the scheduler {scheduler}, got {version('gpubspline')}"
+    with pytest.raises(InputError, match=expected), cluster.open_client(scheduler, 1):
+        pass
 
 
 def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:

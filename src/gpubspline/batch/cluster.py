@@ -5,6 +5,7 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from typing import Any
 
 from gpubspline.errors import BackendUnavailable, InputError
@@ -78,22 +79,29 @@ def _local(distributed: Any, workers: int) -> Any:
 
 
 def _check_package(client: Any, scheduler: str) -> None:
-    """Raise InputError where there is no worker, or one without this package; the scheduler reads the work by it."""
+    """Raise InputError where there is no worker, or one without this version of the package.
 
-    def has_package() -> bool:  # local, so that it is sent whole: the package may not be there
+    The scheduler reads the work by it, too.
+    """
+
+    def installed() -> str | None:  # local, so that it is sent whole: the package may not be there
+        from importlib.metadata import PackageNotFoundError, version
         from importlib.util import find_spec
 
-        return find_spec("gpubspline") is not None
+        try:
+            return version("gpubspline") if find_spec("gpubspline") else None
+        except PackageNotFoundError:  # a copy of its folder on the path
+            return "unknown"
 
     try:
         client.wait_for_workers(1, timeout=TIMEOUT_S)
     except OSError:
         raise InputError(f"expected workers at {scheduler}, got none within {TIMEOUT_S} s") from None
-    found = {f"the scheduler {scheduler}": client.run_on_scheduler(has_package)}
-    found |= {f"the worker {address}": yes for address, yes in client.run(has_package).items()}
-    for who, yes in found.items():
-        if not yes:
-            raise InputError(f"expected gpubspline to be installed for {who}, got none there")
+    found = {f"the scheduler {scheduler}": client.run_on_scheduler(installed)}
+    found |= {f"the worker {address}": there for address, there in client.run(installed).items()}
+    for who, there in found.items():
+        if there != version("gpubspline"):
+            raise InputError(f"expected gpubspline {version('gpubspline')} for {who}, got {there or 'none there'}")
 
 
 def gpus() -> tuple[str, ...]:
