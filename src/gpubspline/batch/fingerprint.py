@@ -3,12 +3,16 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
 from gpubspline.batch.manifest import Subject
+from gpubspline.ct.image import format_name
+from gpubspline.ct.nifti import nifti_files
 from gpubspline.errors import InputError
+from gpubspline.tables import parse, read_text
 
 _CHUNK = 1 << 20
 _HEADER = 1 << 16
@@ -49,16 +53,37 @@ def _checksum(path: Path) -> str:
 
 
 def _files(path: Path) -> Iterator[Path]:
-    """Every file of a folder in a fixed order; or a file, with that of its samples where it is a header of them."""
+    """Every file of a folder in a fixed order; or a file, with those that it names."""
     if path.is_dir():
         yield from sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith("."))
-    elif path.suffix.lower() in (".mhd", ".nhdr"):
-        samples = re.search(r"^(ElementDataFile *=|data file *:) *(.+?) *\r?$", _header(path), re.MULTILINE)
-        yield from [path, *([path.parent / samples[2]] if samples and (path.parent / samples[2]).is_file() else [])]
+        return
+    yield path
+    if path.suffix.lower() in (".mhd", ".nhdr"):
+        yield from _samples(path)
+    elif path.suffix.lower() == ".toml":
+        with suppress(InputError):  # what is wrong with it is said of its subject
+            mask = parse(read_text(path, "file"), path.name).get("mask")
+            yield from _there([path.parent / Path(mask).expanduser()] if isinstance(mask, str) else [])
+    elif format_name(path) == "NIfTI":
+        with suppress(InputError):
+            yield from (file for file in nifti_files(path) if file != path)
+
+
+def _samples(header: Path) -> Iterator[Path]:
+    """Files of the samples of a MetaImage or NRRD header: one, a numbered series, or those in the lines that follow."""
+    with header.open("rb") as file:
+        text = file.read(_HEADER).decode("latin-1")
+    found = re.search(r"^(ElementDataFile *=|data ?file *:) *(.+?) *\r?$", text, re.MULTILINE | re.IGNORECASE)
+    if found is None:
+        return
+    first, *_ = found[2].split()
+    if first.upper() == "LIST":
+        yield from _there(header.parent / line.strip() for line in text[found.end() :].splitlines() if line.strip())
+    elif "%" in first:
+        yield from sorted(header.parent.glob(re.sub(r"%\d*[dui]", "*", first)))
     else:
-        yield path
+        yield from _there([header.parent / found[2]])
 
 
-def _header(path: Path) -> str:
-    with path.open("rb") as file:
-        return file.read(_HEADER).decode("latin-1")
+def _there(files: Iterable[Path]) -> Iterator[Path]:
+    return (file for file in files if file.is_file())

@@ -5,15 +5,17 @@ from typing import Annotated
 
 import typer
 
+IMAGES = "DICOM folder or files, NIfTI, Analyze, NRRD, MetaImage, .npy"
+
 SolidPaths = Annotated[
     list[Path],
     typer.Argument(
         metavar="INPUT...",
-        help="DICOM folder or files, NIfTI, NRRD, MetaImage, .npy; or a closed surface: .stl, .obj, .ply, .off, .vtp",
+        help=f"{IMAGES}; or a closed surface: .stl, .obj, .ply, .off, .vtp",
         show_default=False,
     ),
 ]
 InputPaths = Annotated[
     list[Path],
-    typer.Argument(metavar="INPUT...", help="DICOM folder or files, NIfTI, NRRD, MetaImage, .npy", show_default=False),
+    typer.Argument(metavar="INPUT...", help=IMAGES, show_default=False),
 ]

@@ -1,4 +1,4 @@
-"""One door for every CT format: DICOM, NIfTI, NRRD, MetaImage and NumPy arrays to a ``Volume``."""
+"""One door for every CT format: DICOM, NIfTI, Analyze, NRRD, MetaImage and NumPy arrays to a ``Volume``."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 FORMATS = {
     ".nii": "NIfTI",
     ".nii.gz": "NIfTI",
+    ".hdr": "NIfTI",
+    ".img": "NIfTI",
+    ".hdr.gz": "NIfTI",
+    ".img.gz": "NIfTI",
     ".nrrd": "NRRD",
     ".nhdr": "NRRD",
     ".mha": "MetaImage",
@@ -44,8 +48,8 @@ def read_volume(
 
     Arguments
     ---------
-    source: a folder of DICOM files (subfolders too), a list of them, or one file: DICOM, NIfTI, NRRD, MetaImage or
-        ``.npy`` of shape (k, j, i).
+    source: a folder of DICOM files (subfolders too), a list of them, or one file: DICOM, NIfTI or either file of
+        an Analyze or NIfTI pair, NRRD, MetaImage or ``.npy`` of shape (k, j, i).
     series: SeriesInstanceUID to read from DICOM instead of the largest CT series.
     allow_gaps: fill missing DICOM slices by interpolation instead of raising.
     spacing_mm: distances between voxel centres along i, j, k; for ``.npy``, which does not carry them.

@@ -5,7 +5,6 @@ part of the CT's and whose layers may overlap, and from the label table in the h
 TotalSegmentator and Connectome Workbench write.
 """
 
-import gzip
 import re
 import struct
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.image import format_name, image_affine, load_array, quiet_itk, read_image
 from gpubspline.ct.labels import PLACE_TOLERANCE, Labels, Segment, lay_on, place
+from gpubspline.ct.nifti import nifti_files, opened
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
 
@@ -138,7 +138,7 @@ def _open_slicer(path: Path, volume: Volume, fields: dict[str, str]) -> Labels:
 
 def _nifti_names(path: Path) -> dict[tuple[int, int], str]:
     """Names of labels from the header extension of a NIfTI file (nifti1.h: the bytes after 348), by (0, value)."""
-    with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
+    with opened(nifti_files(path)[0]) as file:
         start = file.read(552)
         size = 348 if struct.unpack("<i", start[:4])[0] == 348 or struct.unpack(">i", start[:4])[0] == 348 else 540
         if len(start) < size + 12 or start[size] == 0:

@@ -1,10 +1,13 @@
 """What ITK does not say about a NIfTI file: whether it is all there and finite, and where its grid lies.
 
+It may be a pair, ``.hdr`` and ``.img``, as Analyze 7.5 is, which NIfTI came from and whose header knows no place.
+
 ITK fills what a truncated file lacks with zeros, makes NaN and infinity zero, knows orthogonal grids only, while a
 gantry tilt makes an sform sheared, and takes the voxels' size from ``pixdim`` where the sform has another.
 """
 
 import gzip
+import re
 import struct
 import warnings
 import zlib
@@ -32,6 +35,7 @@ _LAYOUTS = {
         "quatern": (256, "3f"),
         "qoffset": (268, "3f"),
         "srow": (280, "12f"),
+        "magic": (344, "4s"),
     },
     540: {
         "dim": (16, "8q"),
@@ -45,9 +49,13 @@ _LAYOUTS = {
         "quatern": (352, "3d"),
         "qoffset": (376, "3d"),
         "srow": (400, "12d"),
+        "magic": (4, "8s"),
     },
 }
 """Offset and type of the fields of NIfTI-1 (nifti1.h) and NIfTI-2 (nifti2.h), by the size of their headers."""
+
+_MAGIC = (b"n+", b"ni")
+"""Of one file and of a pair, as they begin (nifti1.h, nifti2.h)."""
 
 _FLOATS = {16: "f4", 64: "f8"}
 """NumPy's names of the sample types that may be NaN or infinite (nifti1.h: DT_FLOAT32, DT_FLOAT64)."""
@@ -62,6 +70,8 @@ _PER_UNIT_MM = {1: 1e3, 3: 1e-3}
 
 APART = 0.1
 """Distance of the corners, in the smallest voxel edge, from which qform and sform are said to differ."""
+
+_PAIR = re.compile(r"\.(hdr|img)(\.gz)?$", re.IGNORECASE)
 
 _TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -179,21 +189,45 @@ def _warn(message: str) -> None:
     warnings.warn(message, GpubsplineWarning, stacklevel=4)
 
 
-def check_nifti(path: Path) -> NiftiHeader:
-    """Read the header of a ``.nii`` or ``.nii.gz`` file, count its bytes and look for samples that are not finite.
+def nifti_files(path: Path) -> tuple[Path, Path]:
+    """Files of the header and of the samples: one, but where it is either of a pair, which may be compressed.
 
-    Raises InputError where it has none, the file is shorter than it announces, or a sample is NaN or infinite.
+    Raises InputError where the other of a pair is missing.
     """
+    found = _PAIR.search(path.name)
+    if found is None:
+        return path, path
+    this, stem = found[1], path.name[: found.start()]
+    wanted = "img" if this.lower() == "hdr" else "hdr"
+    names = [f"{stem}.{wanted.upper() if this.isupper() else wanted}{end}" for end in (found[2] or "", "", ".gz")]
+    other = next((path.parent / name for name in names if (path.parent / name).is_file()), None)
+    if other is None:
+        raise InputError(f"expected {names[0]} beside {path.name}, as of a pair of Analyze or NIfTI, got no such file")
+    return (path, other) if wanted == "img" else (other, path)
+
+
+def opened(path: Path) -> BinaryIO | gzip.GzipFile:
+    """Open a file to read, decompressed where its name says so."""
+    return gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb")
+
+
+def check_nifti(path: Path) -> NiftiHeader:
+    """Read the header of a ``.nii`` file or a pair, count its bytes and look for samples that are not finite.
+
+    Raises InputError where it has none, a file is missing or shorter than announced, or a sample is NaN or infinite.
+    """
+    head, body = nifti_files(path)
     try:
-        with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
+        with opened(head) as file:
             header = _parse(file.read(540))
+        with opened(body) as file:
             file.seek(header.vox_offset)
             length, wild = _scan(file, header)
     except (EOFError, OSError, ValueError, OverflowError, zlib.error, struct.error) as error:
         raise InputError(f"cannot read {path.name} as NIfTI, it is damaged or truncated: {error}") from None
     if length < header.n_bytes:
         raise InputError(
-            f"cannot read {path.name} as NIfTI: expected {header.n_bytes} bytes, got {length}; copy it again"
+            f"cannot read {body.name} as NIfTI: expected {header.n_bytes} bytes, got {length}; copy it again"
         )
     if wild:
         raise InputError(f"expected finite HU everywhere in {path.name}, got NaN or infinity in {wild} voxels")
@@ -207,6 +241,8 @@ def _parse(start: bytes) -> NiftiHeader:
         layout = _LAYOUTS.get(struct.unpack_from(f"{order}i", start)[0])
         if layout:
             fields = {name: struct.unpack_from(order + form, start, at) for name, (at, form) in layout.items()}
+            if fields["magic"][0][:2] not in _MAGIC:  # Analyze's: what it has there is no place
+                fields |= dict.fromkeys(("qform_code", "sform_code", "xyzt_units"), (0,))
             return NiftiHeader(
                 byte_order=order,
                 dim=fields["dim"],

@@ -11,7 +11,6 @@ from gpubspline.cli.app import app
 from gpubspline.cli.options import RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.cli.options.texts import device_name
-from gpubspline.device import BACKENDS
 from gpubspline.errors import InputError
 
 PRECISIONS = ("float32", "float64")
@@ -85,6 +84,8 @@ def batch(
 
 def _devices(run: RunOptions) -> tuple[str, ...]:
     """Names of the devices that are asked for, with commas between; they may be there on the workers alone."""
+    from gpubspline.device import BACKENDS
+
     if run.backend not in ("auto", *BACKENDS):
         raise InputError(f"expected a backend of {', '.join(BACKENDS)} or auto, got {run.backend!r}")
     if run.precision not in PRECISIONS:
