@@ -135,13 +135,20 @@ def least4(a: Any, b: Any, c: Any, d: Any):
 
 
 @wp.func
-def hex_nodes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, corner: wp.int32, like: Any):
-    """One corner of the cells c and on."""
+def corner_nodes(
+    nodes: wp.array(dtype=Any),
+    cells: wp.array(dtype=wp.int32),
+    corners: wp.int32,
+    c: wp.int32,
+    corner: wp.int32,
+    like: Any,
+):
+    """One of the corners of the cells c and on."""
     x = type(like)()
     y = type(like)()
     z = type(like)()
     for lane in range(len(like)):
-        node = 4 * cells[8 * (c + lane) + corner]
+        node = 4 * cells[corners * (c + lane) + corner]
         x[lane] = nodes[node]
         y[lane] = nodes[node + 1]
         z[lane] = nodes[node + 2]
@@ -149,17 +156,31 @@ def hex_nodes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp
 
 
 @wp.func
-def quad_nodes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, corner: wp.int32, like: Any):
-    """One corner of the cells c and on."""
-    x = type(like)()
-    y = type(like)()
-    z = type(like)()
-    for lane in range(len(like)):
-        node = 4 * cells[4 * (c + lane) + corner]
-        x[lane] = nodes[node]
-        y[lane] = nodes[node + 1]
-        z[lane] = nodes[node + 2]
-    return x, y, z
+def corners_of_hexes(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, like: Any):
+    """Determinants at the corners of the cells c and on."""
+    x0, y0, z0 = corner_nodes(nodes, cells, 8, c, 0, like)
+    x1, y1, z1 = corner_nodes(nodes, cells, 8, c, 1, like)
+    x2, y2, z2 = corner_nodes(nodes, cells, 8, c, 2, like)
+    x3, y3, z3 = corner_nodes(nodes, cells, 8, c, 3, like)
+    x4, y4, z4 = corner_nodes(nodes, cells, 8, c, 4, like)
+    x5, y5, z5 = corner_nodes(nodes, cells, 8, c, 5, like)
+    x6, y6, z6 = corner_nodes(nodes, cells, 8, c, 6, like)
+    x7, y7, z7 = corner_nodes(nodes, cells, 8, c, 7, like)
+    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
+        x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4, x5, y5, z5, x6, y6, z6, x7, y7, z7
+    )
+    return c0, c1, c2, c3, c4, c5, c6, c7
+
+
+@wp.func
+def corners_of_quads(nodes: wp.array(dtype=Any), cells: wp.array(dtype=wp.int32), c: wp.int32, like: Any):
+    """Determinants at the corners of the cells c and on."""
+    x0, y0, z0 = corner_nodes(nodes, cells, 4, c, 0, like)
+    x1, y1, z1 = corner_nodes(nodes, cells, 4, c, 1, like)
+    x2, y2, z2 = corner_nodes(nodes, cells, 4, c, 2, like)
+    x3, y3, z3 = corner_nodes(nodes, cells, 4, c, 3, like)
+    c0, c1, c2, c3 = quad_corners(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3)
+    return c0, c1, c2, c3
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -189,18 +210,7 @@ def hex_scaled_jacobian(
     lanes: wp.int32,
 ):
     c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
-    like = out.dtype()
-    x0, y0, z0 = hex_nodes(nodes, cells, c, 0, like)
-    x1, y1, z1 = hex_nodes(nodes, cells, c, 1, like)
-    x2, y2, z2 = hex_nodes(nodes, cells, c, 2, like)
-    x3, y3, z3 = hex_nodes(nodes, cells, c, 3, like)
-    x4, y4, z4 = hex_nodes(nodes, cells, c, 4, like)
-    x5, y5, z5 = hex_nodes(nodes, cells, c, 5, like)
-    x6, y6, z6 = hex_nodes(nodes, cells, c, 6, like)
-    x7, y7, z7 = hex_nodes(nodes, cells, c, 7, like)
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
-        x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4, x5, y5, z5, x6, y6, z6, x7, y7, z7
-    )
+    c0, c1, c2, c3, c4, c5, c6, c7 = corners_of_hexes(nodes, cells, c, out.dtype())
     out[c] = wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7))
 
 
@@ -214,12 +224,7 @@ def quad_scaled_jacobian(
     lanes: wp.int32,
 ):
     c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
-    like = out.dtype()
-    x0, y0, z0 = quad_nodes(nodes, cells, c, 0, like)
-    x1, y1, z1 = quad_nodes(nodes, cells, c, 1, like)
-    x2, y2, z2 = quad_nodes(nodes, cells, c, 2, like)
-    x3, y3, z3 = quad_nodes(nodes, cells, c, 3, like)
-    c0, c1, c2, c3 = quad_corners(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3)
+    c0, c1, c2, c3 = corners_of_quads(nodes, cells, c, out.dtype())
     out[c] = least4(c0, c1, c2, c3)
 
 
@@ -234,18 +239,7 @@ def hex_corner_jacobian(
 ):
     """out: (8, n_cells) planes."""
     c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
-    like = out.dtype()
-    x0, y0, z0 = hex_nodes(nodes, cells, c, 0, like)
-    x1, y1, z1 = hex_nodes(nodes, cells, c, 1, like)
-    x2, y2, z2 = hex_nodes(nodes, cells, c, 2, like)
-    x3, y3, z3 = hex_nodes(nodes, cells, c, 3, like)
-    x4, y4, z4 = hex_nodes(nodes, cells, c, 4, like)
-    x5, y5, z5 = hex_nodes(nodes, cells, c, 5, like)
-    x6, y6, z6 = hex_nodes(nodes, cells, c, 6, like)
-    x7, y7, z7 = hex_nodes(nodes, cells, c, 7, like)
-    c0, c1, c2, c3, c4, c5, c6, c7 = hex_corners(
-        x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4, x5, y5, z5, x6, y6, z6, x7, y7, z7
-    )
+    c0, c1, c2, c3, c4, c5, c6, c7 = corners_of_hexes(nodes, cells, c, out.dtype())
     out[c] = c0
     out[n_cells + c] = c1
     out[2 * n_cells + c] = c2
@@ -267,12 +261,7 @@ def quad_corner_jacobian(
 ):
     """out: (4, n_cells) planes."""
     c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
-    like = out.dtype()
-    x0, y0, z0 = quad_nodes(nodes, cells, c, 0, like)
-    x1, y1, z1 = quad_nodes(nodes, cells, c, 1, like)
-    x2, y2, z2 = quad_nodes(nodes, cells, c, 2, like)
-    x3, y3, z3 = quad_nodes(nodes, cells, c, 3, like)
-    c0, c1, c2, c3 = quad_corners(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3)
+    c0, c1, c2, c3 = corners_of_quads(nodes, cells, c, out.dtype())
     out[c] = c0
     out[n_cells + c] = c1
     out[2 * n_cells + c] = c2
