@@ -104,6 +104,17 @@ inline void store_int(intv v, __global int *p, size_t offset, int count)
 #define PAST_CACHES(type, v, p, offset, count)
 #endif
 
+// Begins to bring to the caches `count` elements that will be read soon.
+inline void fetch(__global const real *p, size_t offset, int count)
+{
+#if LANES > 1 && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+    for (int i = 0; i < count; i += 64 / sizeof(real))
+        __builtin_prefetch(p + offset + i);
+#endif
+#endif
+}
+
 inline void stream(realv v, __global real *p, size_t offset, int count)
 {
     PAST_CACHES(realv, v, p, offset, count)

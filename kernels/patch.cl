@@ -1,3 +1,4 @@
+// WIDE
 // Tensor-product B-spline evaluation (eqs 3.1 and 3.2 of the paper).
 //
 // Sums factorise: a grid is evaluated one axis at a time, each pass contracting one axis of the control array with that
@@ -69,65 +70,88 @@ void contract(__global const real *source, int n_control, int inner, __global co
     }
 }
 
-// Calls what is defined for each lane by its number.
-#if LANES == 8
-#define FOR_EACH_LANE(call) call(0) call(1) call(2) call(3) call(4) call(5) call(6) call(7)
+#if LANES > 1 // what the passes of a CPU share
 
-// LANES vectors a0, a1, ... transposed to vectors d0, d1, ...: pairs of lanes, then pairs of pairs, then halves.
+// Numbers of a plane that stay in a core's first cache while all parameters of their span are made of them.
+#define CHUNK 1024
+
+// Vectors as blocks of 4 lanes. Of two vectors, in each block: their first two lanes in turn, their last two in turn; the
+// first two of both, the last two. FOR_BLOCKS calls what is defined for the first lane and the name of each block.
+#if LANES == 16
+#define LOW_1(a, b) (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5, a.s8, b.s8, a.s9, b.s9, a.sc, b.sc, a.sd, b.sd)
+#define HIGH_1(a, b) \
+    (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7, a.sa, b.sa, a.sb, b.sb, a.se, b.se, a.sf, b.sf)
+#define LOW_2(a, b) (realv)(a.s01, b.s01, a.s45, b.s45, a.s89, b.s89, a.scd, b.scd)
+#define HIGH_2(a, b) (realv)(a.s23, b.s23, a.s67, b.s67, a.sab, b.sab, a.sef, b.sef)
+#define FOR_BLOCKS(call) call(0, s0123) call(4, s4567) call(8, s89ab) call(12, scdef)
+#else
 #define LOW_1(a, b) (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5)
 #define HIGH_1(a, b) (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7)
 #define LOW_2(a, b) (realv)(a.s01, b.s01, a.s45, b.s45)
 #define HIGH_2(a, b) (realv)(a.s23, b.s23, a.s67, b.s67)
-#define PAIRS(to, from, i, j) realv to##i = LOW_1(from##i, from##j), to##j = HIGH_1(from##i, from##j);
-#define FOURS(to, from, i, j) realv to##i = LOW_2(from##i, from##j), to##j = HIGH_2(from##i, from##j);
-#define HALVES(to, from, i, j, low, high) \
-    realv to##low = (realv)(from##i.lo, from##j.lo), to##high = (realv)(from##i.hi, from##j.hi);
-#define TRANSPOSED(d, a)                                                            \
-    PAIRS(b, a, 0, 1) PAIRS(b, a, 2, 3) PAIRS(b, a, 4, 5) PAIRS(b, a, 6, 7)         \
-    FOURS(c, b, 0, 2) FOURS(c, b, 1, 3) FOURS(c, b, 4, 6) FOURS(c, b, 5, 7)         \
-    HALVES(d, c, 0, 4, 0, 4) HALVES(d, c, 2, 6, 1, 5) HALVES(d, c, 1, 5, 2, 6) HALVES(d, c, 3, 7, 3, 7)
-#else
-#define FOR_EACH_LANE(call) call(0)
-#define TRANSPOSED(d, a) realv d##0 = a##0;
+#define FOR_BLOCKS(call) call(0, s0123) call(4, s4567)
 #endif
 
-// u axis of LANES rows at once: their control points are interleaved, so that a span is read without a gather.
-inline void contract_lines(int n_control, __global const real *const *from, __global const int *span,
+// Four vectors t0, t1, t2, t3, of which each block is transposed.
+#define TRANSPOSE                                                                                                 \
+    {                                                                                                             \
+        realv low_01 = LOW_1(t0, t1), high_01 = HIGH_1(t0, t1), low_23 = LOW_1(t2, t3), high_23 = HIGH_1(t2, t3); \
+        t0 = LOW_2(low_01, low_23), t1 = HIGH_2(low_01, low_23);                                                  \
+        t2 = LOW_2(high_01, high_23), t3 = HIGH_2(high_01, high_23);                                              \
+    }
+
+// u axis of LANES rows at once, from `row` of a plane on: their control points are interleaved, so that a span is read
+// without a gather. Rows go to their places in a ring of `n_rows`; for those beyond the last it is taken.
+inline void contract_lines(int row, __global const real *plane, int n_u, int n_v, __global const int *span,
                            __global const real *values, int degree, int n_out, __global real *packed,
-                           __global real *const *to)
+                           __global real *rows, int n_rows, int row_size)
 {
-#define ENDS(m)                             \
-    __global const real *from##m = from[m]; \
-    __global real *to##m = to[m];
-    FOR_EACH_LANE(ENDS)
-    for (int i = 0; i < n_control; i += LANES) {
-#define LOADED(m) realv a##m = load(from##m, i);
-#define PACK(m) store_all(d##m, packed, (i + m) * LANES);
-        FOR_EACH_LANE(LOADED)
-        TRANSPOSED(d, a)
-        FOR_EACH_LANE(PACK)
+    __global const real *from[LANES];
+    __global real *to[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        from[lane] = plane + (size_t)min(row + lane, n_v - 1) * n_u;
+        to[lane] = rows + (row + lane) % n_rows * row_size;
     }
+    for (int i = 0; i < n_u; i += 4) {
+        realv t0, t1, t2, t3;
+#define LOADED(first, block)                   \
+    t0.block = vload4(0, from[first] + i);     \
+    t1.block = vload4(0, from[first + 1] + i); \
+    t2.block = vload4(0, from[first + 2] + i); \
+    t3.block = vload4(0, from[first + 3] + i);
+        FOR_BLOCKS(LOADED)
+        TRANSPOSE
+        store_all(t0, packed, i * LANES);
+        store_all(t1, packed, (i + 1) * LANES);
+        store_all(t2, packed, (i + 2) * LANES);
+        store_all(t3, packed, (i + 3) * LANES);
+    }
+    __global const real *next = from[LANES - 1] + n_u; // the rows that the next call wants
 #define PACKED(a) load(packed, start + a * LANES)
-#define SUMMED(m, p)                                             \
-    realv a##m;                                                  \
-    {                                                            \
-        int at = min(i + m, n_out - 1), start = (span[at] - degree) * LANES; \
-        __global const real *w = values + at;                    \
+#define SUMMED(t, m, p)                                                                              \
+    {                                                                                                \
+        int at = min(i + m, n_out - 1), start = (span[at] - degree) * LANES;                         \
+        __global const real *w = values + at;                                                        \
         real w0 = w[0], w1 = w[n_out], w2 = p > 1 ? w[2 * n_out] : 0, w3 = p > 2 ? w[3 * n_out] : 0; \
-        real w4 = p > 3 ? w[4 * n_out] : 0, w5 = p > 4 ? w[5 * n_out] : 0; \
-        a##m = SUM_##p(w, PACKED);                                  \
+        real w4 = p > 3 ? w[4 * n_out] : 0, w5 = p > 4 ? w[5 * n_out] : 0;                           \
+        t = SUM_##p(w, PACKED);                                                                      \
     }
-#define UNPACK(m) store_all(d##m, to##m, i);
-#define SUMMED_1(m) SUMMED(m, 1)
-#define SUMMED_2(m) SUMMED(m, 2)
-#define SUMMED_3(m) SUMMED(m, 3)
-#define SUMMED_4(m) SUMMED(m, 4)
-#define SUMMED_5(m) SUMMED(m, 5)
-#define LINES(p)                                             \
-    for (int i = 0; i < n_out; i += LANES) {                 \
-        FOR_EACH_LANE(SUMMED_##p)                            \
-        TRANSPOSED(d, a)                                     \
-        FOR_EACH_LANE(UNPACK)                                \
+#define UNPACK(first, block)                 \
+    vstore4(t0.block, 0, to[first] + i);     \
+    vstore4(t1.block, 0, to[first + 1] + i); \
+    vstore4(t2.block, 0, to[first + 2] + i); \
+    vstore4(t3.block, 0, to[first + 3] + i);
+#define LINES(p)                               \
+    for (int i = 0; i < n_out; i += 4) {       \
+        if (i < n_u)                           \
+            fetch(next, i * LANES, 4 * LANES); \
+        realv t0, t1, t2, t3;                  \
+        SUMMED(t0, 0, p)                       \
+        SUMMED(t1, 1, p)                       \
+        SUMMED(t2, 2, p)                       \
+        SUMMED(t3, 3, p)                       \
+        TRANSPOSE                              \
+        FOR_BLOCKS(UNPACK)                     \
     }
     FOR_DEGREE(LINES)
 }
@@ -155,39 +179,25 @@ inline void sum_rows(int degree, __global const real *const *rows, __global cons
         FOR_DEGREE(KEPT)
 }
 
-// The same for two parameters of one span: every row is read once for both.
-inline void sum_rows_twice(int degree, __global const real *const *rows, __global const real *values, int n_out,
-                           int count, __global real *to, size_t step)
-{
-    real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
-    values++;
-    real x0 = WEIGHT(0), x1 = WEIGHT(1), x2 = WEIGHT(2), x3 = WEIGHT(3), x4 = WEIGHT(4), x5 = WEIGHT(5);
-    __global const real *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5];
-#define BOTH(p)                                                        \
-    {                                                                  \
-        int i = 0, aligned = -((size_t)to / sizeof(real)) % LANES;     \
-        store(SUM_##p(w, ROW), to, 0, count);                          \
-        store(SUM_##p(x, ROW), to, step, count);                       \
-        for (i = aligned; i < count; i += LANES) {                     \
-            stream(SUM_##p(w, ROW), to, i, count - i);                 \
-            stream(SUM_##p(x, ROW), to, step + i, count - i);          \
-        }                                                              \
-    }
-    FOR_DEGREE(BOTH)
-}
-
 // The degree + 1 rows of a span in a ring of so many places, `size` apart.
 inline void find(int span, int degree, __global const real *ring, int places, size_t size, __global const real **rows)
 {
-    for (int a = 0; a <= MAX_DEGREE; a++)
-        rows[a] = ring + (span - degree + min(a, degree)) % places * size;
+    int place = (span - degree) % places;
+    for (int a = 0; a <= MAX_DEGREE; a++) {
+        rows[a] = ring + place * size;
+        if (a < degree)
+            place = place + 1 < places ? place + 1 : 0;
+    }
 }
+
+#endif
 
 // All axes of a solid on a CPU: control (n_channels, n_w, n_v, n_u) -> target (n_channels, out_w, out_v, out_u).
 //
 // Launched over (items, 1, out_u); of an item only the first along u works. It makes a band of `band` rows of `part`
-// planes. Rows of control points that are contracted along u, and planes that are contracted along v too, wait for the
-// next pass in rings, which stay in its core's cache. `scratch` and `vectors` are one memory, `item_size` an item.
+// planes of one channel. Rows of control points that are contracted along u, and planes that are contracted along v too,
+// wait for the next pass in rings, which stay in its core's cache. `scratch` and `vectors` are one memory, `item_size` an
+// item.
 ALONE __kernel __attribute__((vec_type_hint(realv)))
 void contract_solid(__global const real *control, int n_channels, int n_u, int n_v, int n_w,
                     __global const int *span_u, __global const real *values_u, int degree_u, int out_u,
@@ -195,17 +205,22 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                     __global const int *span_w, __global const real *values_w, int degree_w, int out_w, int band,
                     int part, int item_size, __global real *scratch, __global real *vectors, __global real *target)
 {
+#if LANES > 1
     if (get_global_id(0) > 0)
         return;
-    int item = get_global_id(2), n_bands = (out_v + band - 1) / band;
+    int item = get_global_id(2), n_bands = (out_v + band - 1) / band, n_parts = (out_w + part - 1) / part;
     int first_j = item % n_bands * band, end_j = min(first_j + band, out_v);
-    int first_k = item / n_bands * part, end_k = min(first_k + part, out_w);
+    int first_k = item / n_bands % n_parts * part, end_k = min(first_k + part, out_w);
+    size_t channel = item / (n_bands * n_parts);
+    control += channel * n_w * n_v * n_u;
+    target += (channel * out_w * out_v + first_j) * out_u;
     bool large = (size_t)n_channels * out_u * out_v * out_w * sizeof(real) > LARGE;
-    int block = max(LANES / n_channels, 1), n_rows = degree_v + block, n_planes = degree_w + 1;
-    int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = band * out_u + LANES;
+    int n_rows = degree_v + LANES, n_planes = degree_w + 1, count = (end_j - first_j) * out_u;
+    int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = (band * out_u + 2 * LANES - 1) / LANES * LANES;
     __global real *packed = scratch + (size_t)item * item_size;
     __global real *rows = vectors + (size_t)item * item_size + (n_u + LANES) * LANES;
-    __global real *planes = rows + n_rows * n_channels * row_size;
+    __global real *planes = rows + n_rows * row_size;
+    __global const real *from[MAX_DEGREE + 1];
     for (int k = first_k, plane = 0; k < end_k; k++) {
         if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
             plane = 0;
@@ -213,39 +228,29 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
             for (int j = first_j, row = 0; j < end_j; j++) {
                 if (j > first_j && span_v[j] < span_v[j - 1])
                     row = 0;
-                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += block)
-                    for (int line = 0; line < block * n_channels; line += LANES) {
-                        __global const real *from[LANES];
-                        __global real *to[LANES];
-                        for (int m = 0; m < LANES; m++) {
-                            int own = min(line + m, block * n_channels - 1), c = own % n_channels;
-                            int at = row + own / n_channels;
-                            from[m] = control + (((size_t)c * n_w + plane) * n_v + min(at, n_v - 1)) * n_u;
-                            to[m] = rows + (at % n_rows * n_channels + c) * row_size;
-                        }
-                        contract_lines(n_u, from, span_u, values_u, degree_u, out_u, packed, to);
-                    }
-                for (int c = 0; c < n_channels; c++) {
-                    __global const real *from[MAX_DEGREE + 1];
-                    find(span_v[j], degree_v, rows + c * row_size, n_rows, n_channels * row_size, from);
-                    __global real *to = planes + (plane % n_planes * n_channels + c) * plane_size;
-                    sum_rows(degree_v, from, values_v + j, out_v, row_size, to + (j - first_j) * out_u, false);
-                }
+                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += LANES)
+                    contract_lines(row, control + (size_t)plane * n_v * n_u, n_u, n_v, span_u, values_u, degree_u, out_u,
+                                   packed, rows, n_rows, row_size);
+                find(span_v[j], degree_v, rows, n_rows, row_size, from);
+                __global real *to = planes + plane % n_planes * plane_size + (j - first_j) * out_u;
+                sum_rows(degree_v, from, values_v + j, out_v, row_size, to, false);
             }
         }
-        int twice = large && k + 1 < end_k && span_w[k + 1] == span_w[k];
-        for (int c = 0; c < n_channels; c++) {
-            __global const real *from[MAX_DEGREE + 1];
-            find(span_w[k], degree_w, planes + c * plane_size, n_planes, n_channels * plane_size, from);
-            __global real *to = target + (((size_t)c * out_w + k) * out_v + first_j) * out_u;
-            int count = (end_j - first_j) * out_u;
-            if (twice)
-                sum_rows_twice(degree_w, from, values_w + k, out_w, count, to, (size_t)out_v * out_u);
-            else
-                sum_rows(degree_w, from, values_w + k, out_w, count, to, large);
+        find(span_w[k], degree_w, planes, n_planes, plane_size, from);
+        int end = k + 1;
+        while (end < end_k && span_w[end] == span_w[k])
+            end++;
+        for (int done = 0; done < count; done += CHUNK) {
+            for (int at = k; at < end; at++) {
+                __global real *to = target + (size_t)at * out_v * out_u + done;
+                sum_rows(degree_w, from, values_w + at, out_w, min(count - done, CHUNK), to, large);
+            }
+            for (int a = 0; a <= degree_w; a++)
+                from[a] += CHUNK;
         }
-        k += twice;
+        k = end - 1;
     }
+#endif
 }
 
 // Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.

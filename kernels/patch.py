@@ -10,6 +10,8 @@ import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray
 
+CHUNK = wp.constant(1024)  # numbers of a plane that stay in the first cache while all of their span are made of them
+
 
 @wp.kernel(enable_backward=False, module="unique")
 def contract_rows(
@@ -109,56 +111,38 @@ def sum_rows(
 
 
 @wp.func
-def ring_rows(first: wp.int32, degree: wp.int32, ring: wp.int32, step: wp.int32, size: wp.int32, start: wp.int64):
-    """Where degree + 1 rows from number ``first`` on lie in a ring of ``ring`` places ``step`` rows apart."""
+def ring_rows(first: wp.int32, degree: wp.int32, places: wp.int32, size: wp.int32, ring: wp.int64):
+    """Where degree + 1 rows from number ``first`` on lie in a ring of so many places, ``size`` apart."""
     rows = wp.vector(length=6, dtype=wp.int64)
     for a in range(6):
-        place = ((first + wp.min(a, degree)) % ring) * step
-        rows[a] = start + wp.int64(place) * wp.int64(size)
+        rows[a] = ring + wp.int64((first + wp.min(a, degree)) % places) * wp.int64(size)
     return rows
-
-
-@wp.func
-def line_at(
-    plane: wp.int32, channel: wp.int32, row: wp.int32, n_u: wp.int32, n_v: wp.int32, n_w: wp.int32, n: wp.int32
-):
-    """Where a row of control points begins; beyond the last row or channel, the last one."""
-    layer = wp.int64(wp.min(channel, n - 1)) * wp.int64(n_w) + wp.int64(plane)
-    return (layer * wp.int64(n_v) + wp.int64(wp.min(row, n_v - 1))) * wp.int64(n_u)
 
 
 @wp.func
 def interleave(
     control: LaneArray,
-    n_channels: wp.int32,
+    plane: wp.int64,
+    row: wp.int32,
     n_u: wp.int32,
     n_v: wp.int32,
-    n_w: wp.int32,
-    plane: wp.int32,
-    row: wp.int32,
-    channel: wp.int32,
-    block: wp.int32,
-    width: wp.int32,
     lanes: wp.int32,
     scratch: wp.array(dtype=Any),
     vectors: LaneArray,
     packed: wp.int64,
 ):
-    """Bring ``block`` rows of ``width`` channels to ``packed`` (n_u, lanes)."""
+    """Bring as many rows of a plane as there are lanes to ``packed`` (n_u, lanes); beyond the last row, it again."""
     tile = wp.outer(control[0], control[0])
     if n_u < lanes:
-        for r in range(block):
-            for c in range(width):
-                start = line_at(plane, channel + c, row + r, n_u, n_v, n_w, n_channels)
-                for i in range(n_u):
-                    scratch[packed + wp.int64(i * lanes + r * width + c)] = control[start + wp.int64(i)][0]
+        for m in range(lanes):
+            start = plane + wp.int64(wp.min(row + m, n_v - 1) * n_u)
+            for i in range(n_u):
+                scratch[packed + wp.int64(i * lanes + m)] = control[start + wp.int64(i)][0]
     else:
         for t in range((n_u + lanes - 1) // lanes):
             i = wp.min(t * lanes, n_u - lanes)
-            for r in range(block):
-                for c in range(width):
-                    start = line_at(plane, channel + c, row + r, n_u, n_v, n_w, n_channels)
-                    tile[r * width + c] = control[start + wp.int64(i)]
+            for m in range(lanes):
+                tile[m] = control[plane + wp.int64(wp.min(row + m, n_v - 1) * n_u + i)]
             turned = wp.transpose(tile)
             for m in range(lanes):
                 vectors[packed + wp.int64((i + m) * lanes)] = turned[m]
@@ -170,11 +154,7 @@ def contract_lines(
     values: wp.array(dtype=Any),
     degree: wp.int32,
     n_out: wp.int32,
-    n_channels: wp.int32,
     row: wp.int32,
-    channel: wp.int32,
-    block: wp.int32,
-    width: wp.int32,
     lanes: wp.int32,
     vectors: LaneArray,
     packed: wp.int64,
@@ -193,10 +173,8 @@ def contract_lines(
                 total = total + values[a * n_out + first + m] * vectors[start + wp.int64(a * lanes)]
             tile[m] = total
         turned = wp.transpose(tile)
-        for r in range(block):
-            for c in range(width):
-                place = ((row + r) % n_rows) * n_channels + wp.min(channel + c, n_channels - 1)
-                vectors[rows + wp.int64(place * row_size + first)] = turned[r * width + c]
+        for m in range(lanes):
+            vectors[rows + wp.int64(((row + m) % n_rows) * row_size + first)] = turned[m]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -230,88 +208,65 @@ def contract_solid(
     """All axes of a solid on a CPU: control (n_channels, n_w, n_v, n_u) -> target (n_channels, out_w, out_v, out_u).
 
     Launched over (items, 1, out_u); of an item only the first along u works. It makes a band of ``band`` rows of
-    ``part`` planes. Rows of control points that are contracted along u, and planes that are contracted along v too,
-    wait for the next pass in rings, which stay in its core's cache. ``scratch`` and ``vectors`` are one memory,
-    ``item_size`` an item.
+    ``part`` planes of one channel. Rows of control points that are contracted along u, and planes that are contracted
+    along v too, wait for the next pass in rings, which stay in its core's cache. ``scratch`` and ``vectors`` are one
+    memory, ``item_size`` an item.
     """
     tid_item, _none, along = wp.tid()
     if along > 0:
         return
     item = tid_item + first
     n_bands = (out_v + band - 1) // band
+    n_parts = (out_w + part - 1) // part
     first_j = (item % n_bands) * band
     end_j = wp.min(first_j + band, out_v)
-    first_k = (item // n_bands) * part
+    first_k = (item // n_bands % n_parts) * part
     end_k = wp.min(first_k + part, out_w)
-    width = wp.min(n_channels, lanes)
-    block = lanes // width
-    n_rows = degree_v + block
+    channel = wp.int64(item // (n_bands * n_parts))
+    count = (end_j - first_j) * out_u
+    n_rows = degree_v + lanes
     n_planes = degree_w + 1
     row_size = ((out_u + lanes - 1) // lanes) * lanes
-    plane_size = band * out_u
+    plane_size = ((band * out_u + lanes - 1) // lanes) * lanes
     packed = wp.int64(item) * wp.int64(item_size)
     rows = packed + wp.int64((n_u + lanes) * lanes)
-    planes = rows + wp.int64(n_rows * n_channels * row_size)
+    planes = rows + wp.int64(n_rows * row_size)
     plane = wp.int32(0)
-    for k in range(first_k, end_k):
+    k = first_k
+    while k < end_k:
         if k > first_k and span_w[k] < span_w[wp.max(k - 1, 0)]:  # parameters that run back: the ring begins anew
             plane = 0
         plane = wp.max(plane, span_w[k] - degree_w)
         while plane <= span_w[k]:
+            source = (channel * wp.int64(n_w) + wp.int64(plane)) * wp.int64(n_v * n_u)
             row = wp.int32(0)
             for j in range(first_j, end_j):
                 if j > first_j and span_v[j] < span_v[wp.max(j - 1, 0)]:
                     row = 0
                 row = wp.max(row, span_v[j] - degree_v)
                 while row <= span_v[j]:
-                    for channel in range(0, n_channels, width):
-                        interleave(
-                            control,
-                            n_channels,
-                            n_u,
-                            n_v,
-                            n_w,
-                            plane,
-                            row,
-                            channel,
-                            block,
-                            width,
-                            lanes,
-                            scratch,
-                            vectors,
-                            packed,
-                        )
-                        contract_lines(
-                            span_u,
-                            values_u,
-                            degree_u,
-                            out_u,
-                            n_channels,
-                            row,
-                            channel,
-                            block,
-                            width,
-                            lanes,
-                            vectors,
-                            packed,
-                            rows,
-                            n_rows,
-                            row_size,
-                        )
-                    row = row + block
-                for c in range(n_channels):
-                    start = rows + wp.int64(c * row_size)
-                    each = ring_rows(span_v[j] - degree_v, degree_v, n_rows, n_channels, row_size, start)
-                    place = (plane % n_planes) * n_channels + c
-                    to = planes + wp.int64(place) * wp.int64(plane_size) + wp.int64((j - first_j) * out_u)
-                    sum_rows(vectors, each, values_v, degree_v, j, out_v, out_u, lanes, vectors, to)
+                    interleave(control, source, row, n_u, n_v, lanes, scratch, vectors, packed)
+                    contract_lines(
+                        span_u, values_u, degree_u, out_u, row, lanes, vectors, packed, rows, n_rows, row_size
+                    )
+                    row = row + lanes
+                each = ring_rows(span_v[j] - degree_v, degree_v, n_rows, row_size, rows)
+                to = planes + wp.int64((plane % n_planes) * plane_size + (j - first_j) * out_u)
+                sum_rows(vectors, each, values_v, degree_v, j, out_v, out_u, lanes, vectors, to)
             plane = plane + 1
-        for c in range(n_channels):
-            start = planes + wp.int64(c) * wp.int64(plane_size)
-            each = ring_rows(span_w[k] - degree_w, degree_w, n_planes, n_channels, plane_size, start)
-            to = (wp.int64(c * out_w + k) * wp.int64(out_v) + wp.int64(first_j)) * wp.int64(out_u)
-            count = (end_j - first_j) * out_u
-            sum_rows(vectors, each, values_w, degree_w, k, out_w, count, lanes, target, to)
+        each = ring_rows(span_w[k] - degree_w, degree_w, n_planes, plane_size, planes)
+        end = k + 1
+        while end < end_k and span_w[wp.min(end, end_k - 1)] == span_w[k]:
+            end = end + 1
+        for done in range(0, count, CHUNK):
+            size = wp.min(count - done, CHUNK)
+            for at in range(k, end):
+                layer = (channel * wp.int64(out_w) + wp.int64(at)) * wp.int64(out_v)
+                to = (layer + wp.int64(first_j)) * wp.int64(out_u) + wp.int64(done)
+                sum_rows(vectors, each, values_w, degree_w, at, out_w, size, lanes, target, to)
+            for a in range(6):
+                each[a] = each[a] + wp.int64(size)
+        k = end
 
 
 @wp.kernel(enable_backward=False, module="unique")

@@ -66,14 +66,14 @@ def _contract_solid(
 ) -> tuple[Buffer, int]:
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
     (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
-    row_bytes = (degrees[2] + 1) * n_channels * counts[0] * device.real.itemsize
-    band = _evenly(counts[1], max(RING_BYTES // row_bytes, 1))
+    band = _evenly(counts[1], max(RING_BYTES // ((degrees[2] + 1) * counts[0] * device.real.itemsize), 1))
     n_bands = -(-counts[1] // band)
-    part = _evenly(counts[2], max(counts[2] * n_bands // (ITEMS_PER_CORE * device.cores), 1))
-    items = n_bands * -(-counts[2] // part)
+    part = _evenly(counts[2], max(counts[2] * n_bands * n_channels // (ITEMS_PER_CORE * device.cores), 1))
+    items = n_bands * -(-counts[2] // part) * n_channels
     packed = (n_u + 2 * MOST_LANES) * MOST_LANES
-    rows = (degrees[1] + max(MOST_LANES // n_channels, 1)) * n_channels * (counts[0] + MOST_LANES)
-    item_size = packed + rows + (degrees[2] + 1) * n_channels * (band * counts[0] + MOST_LANES)
+    rows = (degrees[1] + MOST_LANES) * (counts[0] + MOST_LANES)
+    item_size = packed + rows + (degrees[2] + 1) * (band * counts[0] + 2 * MOST_LANES)
+    item_size = -(-item_size // MOST_LANES) * MOST_LANES
     scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
     each = [value for basis, degree in zip(bases, degrees, strict=True) for value in (*basis[:2], degree, basis[2])]
     arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, item_size, scratch, scratch, target)
