@@ -1,4 +1,4 @@
-"""Trilinear sampling of a volume at points in patient millimetres."""
+"""Trilinear sampling of a volume at points in patient millimetres, or of a lattice."""
 
 from typing import Any
 
@@ -28,6 +28,22 @@ def bilinear(
     return wp.lerp(low, high, share_j)
 
 
+@wp.func
+def interpolated(volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any):
+    i, share_i = grid_line(t_i, n_i)
+    j, share_j = grid_line(t_j, n_j)
+    k, share_k = grid_line(t_k, n_k)
+    row = wp.int64(n_i)
+    slab = row * wp.int64(n_j)
+    step_i = wp.where(n_i > 1, wp.int64(1), wp.int64(0))
+    step_j = wp.where(n_j > 1, row, wp.int64(0))
+    step_k = wp.where(n_k > 1, slab, wp.int64(0))
+    corner = wp.int64(i) + wp.int64(j) * row + wp.int64(k) * slab
+    near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
+    far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
+    return wp.lerp(near, far, share_k)
+
+
 @wp.kernel(enable_backward=False, module="unique")
 def trilinear(
     volume: wp.array(dtype=Any),
@@ -53,17 +69,43 @@ def trilinear(
     t_i = to_index[0] * x[p] + to_index[1] * y[p] + to_index[2] * z[p] + to_index[3]
     t_j = to_index[4] * x[p] + to_index[5] * y[p] + to_index[6] * z[p] + to_index[7]
     t_k = to_index[8] * x[p] + to_index[9] * y[p] + to_index[10] * z[p] + to_index[11]
-    i, share_i = grid_line(t_i, n_i)
-    j, share_j = grid_line(t_j, n_j)
-    k, share_k = grid_line(t_k, n_k)
-    row = wp.int64(n_i)
-    slab = row * wp.int64(n_j)
-    step_i = wp.where(n_i > 1, wp.int64(1), wp.int64(0))
-    step_j = wp.where(n_j > 1, row, wp.int64(0))
-    step_k = wp.where(n_k > 1, slab, wp.int64(0))
-    corner = wp.int64(i) + wp.int64(j) * row + wp.int64(k) * slab
-    near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
-    far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
-    out[p] = wp.lerp(near, far, share_k)
+    out[p] = interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k)
     if clamp_outside == 0 and (beyond(t_i, n_i) or beyond(t_j, n_j) or beyond(t_k, n_k)):
         out[p] = outside
+
+
+@wp.func
+def out_of(t: Any, size: wp.int32, gap: Any):
+    """How far index t lies outside the outermost centres, ``gap`` apart, negative inside."""
+    return gap * wp.max(-t, t - type(t)(size - 1))
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def lattice(
+    volume: wp.array(dtype=Any),
+    n_i: wp.int32,
+    n_j: wp.int32,
+    n_k: wp.int32,
+    to_index: wp.array(dtype=Any),
+    gap: wp.array(dtype=Any),
+    m_i: wp.int32,
+    m_j: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """A distance at the samples (m_k, m_j, m_i) of a lattice, launched over its rows and m_i.
+
+    The border's value goes on outside, but no less than the distance from the planes of the outermost voxel centres,
+    ``gap`` (3) apart along each axis. to_index maps indices of the lattice to those of the volume.
+    """
+    tid_row, i = wp.tid()
+    row = tid_row + first
+    x = volume.dtype(i)
+    y = volume.dtype(row % m_j)
+    z = volume.dtype(row // m_j)
+    t_i = to_index[0] * x + (to_index[1] * y + to_index[2] * z + to_index[3])
+    t_j = to_index[4] * x + (to_index[5] * y + to_index[6] * z + to_index[7])
+    t_k = to_index[8] * x + (to_index[9] * y + to_index[10] * z + to_index[11])
+    off = wp.max(wp.max(out_of(t_i, n_i, gap[0]), out_of(t_j, n_j, gap[1])), out_of(t_k, n_k, gap[2]))
+    at = wp.int64(row) * wp.int64(m_i) + wp.int64(i)
+    out[at] = wp.max(interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k), off)

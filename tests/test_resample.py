@@ -30,3 +30,22 @@ def test_agrees_with_scipy(any_device: Device, shape: tuple[int, int, int], clam
     sharp = np.any(np.abs(np.abs(index - (size - 1) / 2) - size / 2) < 1e-4, axis=0)  # on the half-voxel limit itself
     tolerance = 2e-5 if any_device.real == np.float32 else 1e-12
     assert np.abs(any_device.get(out) - expected)[~sharp].max() < tolerance
+
+
+@pytest.mark.parametrize("shape", [(5, 6, 7), (9, 1, 4)])
+def test_lattice_agrees_with_scipy(any_device: Device, shape: tuple[int, int, int]) -> None:
+    """A distance on a turned lattice that reaches beyond the volume, where its planes bound what is inside."""
+    rng = np.random.default_rng(4)
+    volume, counts, gap = rng.uniform(-1, 1, shape), (3, 5, 21), np.array([0.5, 2.0, 1.25])
+    matrix = np.column_stack([rng.uniform(-0.4, 0.4, (3, 3)), np.array(shape[::-1]) / 3])
+    out = any_device.empty(counts)
+    grid = (any_device.put(volume), *shape[::-1], any_device.put(matrix), any_device.put(gap))
+    any_device.launch("resample.lattice", (counts[0] * counts[1], counts[2]), *grid, counts[2], counts[1], out)
+    k, j, i = (index.ravel() for index in np.indices(counts))
+    index = matrix @ np.stack([i, j, k, np.ones(k.size)])
+    last = np.array(shape[::-1])[:, None] - 1
+    off = (np.maximum(-index, index - last) * gap[:, None]).max(axis=0)
+    expected = np.maximum(map_coordinates(volume, index[::-1], order=1, mode="nearest"), off)
+    assert (off > 0).any() and (expected > off).any()
+    tolerance = 2e-5 if any_device.real == np.float32 else 1e-12
+    assert np.abs(np.asarray(any_device.get(out)).ravel() - expected).max() < tolerance

@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
-from gpubspline.device.vectors import products
 from gpubspline.mesh.movable import Goal, Movable
 
 MEMORY = 12
 """Pairs of steps and changes of the gradient that are kept."""
+
+ROWS = 2 * MEMORY + 1
+
+PARTS, RUN = 4096, 256
+"""Most partial sums of a product, added on the host in float64, and how many elements each has at least."""
 
 FIRST_STEP = 0.1
 """How far the first step moves the node that it moves farthest, in target lengths."""
@@ -33,24 +37,27 @@ class Memory:
     n: int
     basis: Buffer
     scale: Buffer
-    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2 * MEMORY + 1,) * 2))
+    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros((ROWS, ROWS)))
     pairs: list[int] = field(default_factory=list)
 
-    def set_row(self, row: int, x: Buffer, y: Buffer) -> None:
-        """Put the difference x - y of places, or of gradients, into a row."""
-        inverse = int(row < MEMORY)
-        self.device.launch("quasi_newton.set_difference", self.n, x, y, self.scale, inverse, self.n, row, self.basis)
-
-    def multiply(self, row: int) -> None:
-        """Bring the products of a row with all rows up to date."""
-        rows = 2 * MEMORY + 1
-        found = products(self.device, self.basis, self.basis, self.n, row=row, rows=rows)
-        self.products[row] = self.products[:, row] = found
+    def remember(self, slot: int, x: Buffer, x_new: Buffer, g: Buffer, g_new: Buffer) -> None:
+        """Take in a step and the gradients at its ends; it counts if the energy curves upward along it."""
+        parts, device = min(-(-self.n // RUN), PARTS), self.device
+        device.launch("quasi_newton.remember", self.n, x, x_new, g, g_new, self.scale, slot, MEMORY, self.n, self.basis)
+        sums = device.empty((3, ROWS, parts))
+        device.launch("quasi_newton.row_products", ROWS * parts, self.basis, slot, MEMORY, self.n, parts, sums)
+        found = np.asarray(device.get(sums)).reshape(3, ROWS, parts).sum(axis=2, dtype=np.float64)
+        for row, values in zip((slot, MEMORY + slot, ROWS - 1), found, strict=True):
+            self.products[row] = self.products[:, row] = values
+        if slot in self.pairs:
+            self.pairs.remove(slot)
+        if self.products[slot, MEMORY + slot] > 1e-10 * self.products[MEMORY + slot, MEMORY + slot]:
+            self.pairs.append(slot)
 
     def direction(self) -> NDArray[np.float64]:
-        """Coefficients (2 MEMORY + 1) of the descent direction over the rows."""
-        last, q = 2 * MEMORY, np.zeros(2 * MEMORY + 1)
-        q[last] = -1.0
+        """Coefficients (ROWS,) of the descent direction over the rows."""
+        q = np.zeros(ROWS)
+        q[-1] = -1.0
         alpha = {}
         for s in reversed(self.pairs):
             alpha[s] = q @ self.products[:, s] / self.products[s, MEMORY + s]
@@ -77,29 +84,19 @@ def descend(
     the nodes and their energy, never above that of x slid to its level.
     """
     device, n = hexes.device, 3 * hexes.n_nodes
-    memory = Memory(device, n, device.put(np.zeros((2 * MEMORY + 1) * n)), hexes.scale)
-    zero = device.put(np.zeros(n))
+    memory = Memory(device, n, device.put(np.zeros(ROWS * n, dtype=np.float32)), hexes.scale)
     g, g_new, d = (device.empty(n) for _ in range(3))
     x_new, planes = device.empty(hexes.planes * hexes.n_nodes), hexes.planes
     hexes.slide(x)
     energy = hexes.evaluate(x, goal, g)
-    memory.set_row(2 * MEMORY, g, zero)
-    memory.multiply(2 * MEMORY)
+    memory.remember(0, x, x, g, g)
     slot = 0
     for step in range(steps):
-        size = memory.products[2 * MEMORY, 2 * MEMORY]
+        size = memory.products[-1, -1]
         if size <= 1e-14 * n or energy <= 0:
             break
-        device.launch(
-            "quasi_newton.combine_rows",
-            n,
-            memory.basis,
-            device.put(memory.direction()),
-            2 * MEMORY + 1,
-            hexes.scale,
-            n,
-            d,
-        )
+        coefficients = device.put(memory.direction())
+        device.launch("quasi_newton.combine_rows", n, memory.basis, coefficients, ROWS, hexes.scale, n, d)
         length = 1.0 if memory.pairs else FIRST_STEP / _largest(device, d)
         for _ in range(HALVINGS):
             device.launch("optimize.move", hexes.n_nodes, x, planes, d, hexes.n_nodes, length, cap, hexes.scale, x_new)
@@ -113,27 +110,13 @@ def descend(
                 break
             memory.pairs.clear()
             continue
-        _put_pair(memory, slot, (x_new, x), (g_new, g))
+        memory.remember(slot, x, x_new, g, g_new)
         slot = (slot + 1) % MEMORY
         x, x_new, g, g_new, energy = x_new, x, g_new, g, energy_new
-        memory.set_row(2 * MEMORY, g, zero)
-        memory.multiply(2 * MEMORY)
         if watch is not None:
             watch(step, energy)
     hexes.slide(x)
     return x, energy
-
-
-def _put_pair(memory: Memory, slot: int, step: tuple[Any, ...], change: tuple[Any, ...]) -> None:
-    """Remember a step and the change of the gradient along it, if the energy curves upward there."""
-    for row, (new, old) in ((slot, step), (MEMORY + slot, change)):
-        memory.set_row(row, new, old)
-        memory.multiply(row)
-    if slot in memory.pairs:
-        memory.pairs.remove(slot)
-    curvature = memory.products[slot, MEMORY + slot]
-    if curvature > 1e-10 * memory.products[MEMORY + slot, MEMORY + slot]:
-        memory.pairs.append(slot)
 
 
 def _largest(device: Device, d: Buffer) -> float:

@@ -16,7 +16,6 @@ from scipy.ndimage import gaussian_filter
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError
-from gpubspline.mesh.distance import sample_distance
 
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -47,9 +46,6 @@ GROOVE = 0.25
 
 BAND = 0.4
 """Half the width, in elements, of the band of samples that the surface's area is taken from."""
-
-_CHUNK = 1 << 20
-"""Samples of the region taken at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,26 +184,14 @@ def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, de
 
 def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:
     """Distance, mm, of the region bounded by its grid, at the samples of the level set."""
-    n_k, n_j, n_i = shape
-    phi = np.empty((n_k, n_j * n_i), dtype=np.float32)
-    j, i = (index.ravel() / SAMPLES for index in np.indices((n_j, n_i)))
-    slabs = max(1, _CHUNK // (n_j * n_i))
-    for first in range(0, n_k, slabs):
-        k = np.arange(first, min(first + slabs, n_k)) / SAMPLES
-        at = [np.tile(i, len(k)), np.tile(j, len(k)), np.repeat(k, n_j * n_i)]
-        points = np.stack(at, axis=1) @ frame[:3, :3].T + frame[:3, 3]
-        distance = np.maximum(sample_distance(region, points, device), _beyond_grid(region, points))
-        phi[first : first + len(k)] = distance.reshape(len(k), -1)
-    return phi.reshape(shape)
-
-
-def _beyond_grid(region: Region, points: Floats) -> Floats:
-    """Signed distance (s,), mm, to the parallelepiped of the outermost voxel centres, negative inside."""
     inverse = np.linalg.inv(region.affine)
-    index = points @ inverse[:3, :3].T + inverse[:3, 3]
+    to_index = inverse[:3] @ frame @ np.diag([1 / SAMPLES, 1 / SAMPLES, 1 / SAMPLES, 1.0])
     gap_mm = 1 / np.linalg.norm(inverse[:3, :3], axis=1)
-    beyond = np.maximum(-index, index - (np.array(region.shape) - 1)) * gap_mm
-    return np.asarray(beyond.max(axis=1))
+    n_k, n_j, n_i = shape
+    volume, out = device.put(region.distance_mm), device.empty(shape)
+    grid = (volume, *region.shape, device.put(np.ascontiguousarray(to_index)), device.put(gap_mm))
+    device.launch("resample.lattice", (n_k * n_j, n_i), *grid, n_i, n_j, out)
+    return np.array(device.get(out), dtype=np.float32).reshape(shape)
 
 
 def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
