@@ -29,7 +29,9 @@ def bilinear(
 
 
 @wp.func
-def interpolated(volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any):
+def interpolated(
+    volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
+):
     i, share_i = grid_line(t_i, n_i)
     j, share_j = grid_line(t_j, n_j)
     k, share_k = grid_line(t_k, n_k)
