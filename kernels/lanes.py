@@ -19,8 +19,9 @@ IntLaneArray = wp.array(dtype=Any)
 REGISTER_BYTES = 64
 """Of a CPU's vectors. A module with this as its ``REGISTER`` gets lanes for one register, unless a row holds fewer."""
 # Lanes are loops: not unrolled before they are made vectors, each becomes one instruction, or up to 4 where registers
-# are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must.
-FUSED = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast"
+# are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must. Vectors that
+# are kept on a stack which is not aligned to them lie in two lines of the cache each.
+FUSED = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast -mstackrealign"
 
 
 @wp.func
@@ -32,3 +33,12 @@ def inverse_root(squared: Any):
         none = type(value)(0.0)
         result[lane] = wp.where(value > none, type(value)(1.0) / wp.sqrt(value), none)
     return result
+
+
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    __builtin_prefetch(reinterpret_cast<const char*>(plane.data) + size_t(at) * plane.strides[0]);
+#endif
+""")
+def fetch(plane: LaneArray, at: wp.int32) -> None:
+    """Ask a CPU's caches for what will be needed."""

@@ -11,26 +11,26 @@
 // its 8, always in this order.
 //
 // A CPU takes `size` x `size` rows of elements at a time, a brick, and sums in its caches what they give their nodes:
-// `bricks` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4. Lame's
-// moduli, two thirds of all that it reads, it wants in the order in which it needs them, which `pack_moduli` writes: 16
-// planes side by side are more than a processor fetches in advance.
+// `bricks` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4. Rows
+// of a brick are short and many lie side by side, more than a processor fetches by itself: it is told which come next.
 
 // Nothing here must round alike on both backends, as meshes must: products and sums may be fused.
 #pragma OPENCL FP_CONTRACT ON
 
-#define GAUSS 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2
+#define NEAR 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2, the nearer Gauss point
+#define FAR 0.78867513459481288225
 #define WEIGHT 0.125
 
 // Values at four corners (0, 0), (1, 0), (0, 1), (1, 1) to the four Gauss points in the same order; its own transpose.
 inline void bilinear(realv a, realv b, realv c, realv d, realv *out)
 {
-    realv s = (realv)GAUSS * (b - a), t = (realv)GAUSS * (d - c);
-    realv p = a + s, q = b - s, r = c + t, o = d - t;
-    realv u = (realv)GAUSS * (r - p), v = (realv)GAUSS * (o - q);
-    out[0] = p + u;
-    out[1] = q + v;
-    out[2] = r - u;
-    out[3] = o - v;
+    realv s = b - a, t = d - c;
+    realv p = a + (realv)NEAR * s, q = a + (realv)FAR * s, r = c + (realv)NEAR * t, o = c + (realv)FAR * t;
+    realv u = r - p, v = o - q;
+    out[0] = p + (realv)NEAR * u;
+    out[1] = q + (realv)NEAR * v;
+    out[2] = p + (realv)FAR * u;
+    out[3] = q + (realv)FAR * v;
 }
 
 // Derivatives (12) of a trilinear function, 4 along each parameter at the Gauss points of the other two.
@@ -154,19 +154,17 @@ void sum_shares(__global const real *values, __global const real *free, int n_u,
     }
 }
 
-// Lame's moduli (8, elements) in the order in which `bricks` needs them: (rows, vectors of a row, 8, lambda and mu, lanes);
-// launched over (rows of elements, n_u - 1).
-__kernel __attribute__((vec_type_hint(realv)))
-void pack_moduli(__global const real *lam, __global const real *mu, int n_u, int n_rows, __global real *out)
+// Asks for the nodes two rows on of the layer above, and for the moduli of the next row.
+inline void fetch_rows(size_t at, __global const real *points, __global const real *displacement, int n_u, int n_uv,
+                       int n, __global const real *lam, __global const real *mu, size_t step)
 {
-    size_t row = get_global_id(1), n_e = (size_t)n_rows * (n_u - 1), vectors = (n_u - 2) / LANES + 1;
-    FOR_LANES(i, n_u - 1) {
-        __global real *to = out + (row * vectors + i / LANES) * 16 * LANES;
-        for (int g = 0; g < 8; g++) {
-            size_t place = g * n_e + row * (n_u - 1) + i;
-            store_all(load(lam, place), to, 2 * g * LANES);
-            store_all(load(mu, place), to, (2 * g + 1) * LANES);
-        }
+    for (int c = 0; c < 3; c++) {
+        fetch(points, (size_t)c * n + at + n_uv + 2 * n_u);
+        fetch(displacement, (size_t)c * n + at + n_uv + 2 * n_u);
+    }
+    for (int g = 0; g < 8; g++) {
+        fetch(lam, g * step + n_u - 1);
+        fetch(mu, g * step + n_u - 1);
     }
 }
 
@@ -174,9 +172,9 @@ void pack_moduli(__global const real *lam, __global const real *mu, int n_u, int
 // takes it all.
 __kernel __attribute__((vec_type_hint(realv)))
 void bricks(__global const real *points, __global const real *displacement, int n_u, int n_v, int n_w,
-            __global const real *moduli, int size, __global real *out) ALONE
+            __global const real *lam, __global const real *mu, int size, __global real *out) ALONE
 {
-    int n_uv = n_u * n_v, n = n_uv * n_w, vectors = (n_u - 2) / LANES + 1;
+    int n_uv = n_u * n_v, n = n_uv * n_w, n_e = (n_u - 1) * (n_v - 1) * (n_w - 1);
     int row = get_global_id(1) * size, layer = get_global_id(2) * size;
     int rows = min(size, n_v - 1 - row), layers = min(size, n_w - 1 - layer);
     size_t deep = (size_t)(size + 1) * n_u, component = (size + 1) * deep;
@@ -189,10 +187,10 @@ void bricks(__global const real *points, __global const real *displacement, int 
         for (int j = 0; j < rows; j++)
             for (int i = 0; i < n_u - 1; i += LANES) {
                 realv f[36], v[24];
-                size_t place = ((size_t)(layer + k) * (n_v - 1) + row + j) * vectors + i / LANES;
+                size_t place = ((size_t)(layer + k) * (n_v - 1) + row + j) * (n_u - 1) + i;
                 size_t at = (size_t)(layer + k) * n_uv + (row + j) * n_u + i;
-                __global const real *here = moduli + 16 * LANES * place;
-                forces_of(f, points, displacement, at, n_u, n_uv, n, here, here + LANES, 2 * LANES);
+                fetch_rows(at, points, displacement, n_u, n_uv, n, lam + place, mu + place, n_e);
+                forces_of(f, points, displacement, at, n_u, n_uv, n, lam + place, mu + place, n_e);
                 for (int c = 0; c < 3; c++)
                     vertices(f + 12 * c, v + 8 * c);
                 for (int side = 0; side < 2; side++) // the left vertices of all first: the right ones wait for them

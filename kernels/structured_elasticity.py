@@ -10,18 +10,18 @@ each node. No two elements write the same number, and what none writes must be 0
 8, always in this order.
 
 A CPU takes ``size`` x ``size`` rows of elements at a time, a brick, and sums in its caches what they give their nodes:
-``bricks`` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4.
-Lame's moduli, two thirds of all that it reads, it wants in the order in which it needs them, which ``pack_moduli``
-writes: 16 planes side by side are more than a processor fetches in advance.
+``bricks`` (bricks along w, along v, 3, size + 1, size + 1, n_u). The force on a node is the sum of its 1, 2 or 4. Rows
+of a brick are short and many lie side by side, more than a processor fetches by itself: it is told which come next.
 """
 
 from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.lanes import FUSED, REGISTER_BYTES, LaneArray
+from gpubspline.kernels.lanes import FUSED, REGISTER_BYTES, LaneArray, fetch
 
-GAUSS = wp.constant(wp.float64(0.21132486540518711775))  # (1 - 1 / sqrt 3) / 2
+NEAR = wp.constant(wp.float64(0.21132486540518711775))  # (1 - 1 / sqrt 3) / 2, the nearer Gauss point
+FAR = wp.constant(wp.float64(0.78867513459481288225))
 WEIGHT = wp.constant(wp.float64(0.125))
 
 REGISTER = REGISTER_BYTES
@@ -30,16 +30,17 @@ REGISTER = REGISTER_BYTES
 @wp.func
 def bilinear(a: Any, b: Any, c: Any, d: Any):
     """Values at four corners (0, 0), (1, 0), (0, 1), (1, 1) to the four Gauss points in that order; symmetric."""
-    gauss = type(a[0])(GAUSS)
-    s = gauss * (b - a)
-    t = gauss * (d - c)
-    p = a + s
-    q = b - s
-    r = c + t
-    o = d - t
-    u = gauss * (r - p)
-    v = gauss * (o - q)
-    return p + u, q + v, r - u, o - v
+    near = type(a[0])(NEAR)
+    far = type(a[0])(FAR)
+    s = b - a
+    t = d - c
+    p = a + near * s
+    q = a + far * s
+    r = c + near * t
+    o = c + far * t
+    u = r - p
+    v = o - q
+    return p + near * u, q + near * v, p + far * u, q + far * v
 
 
 @wp.func
@@ -144,15 +145,14 @@ def forces_of(
     n: wp.int32,
     lam: LaneArray,
     mu: LaneArray,
-    at_lam: wp.int32,
-    at_mu: wp.int32,
-    step: wp.int32,
+    place: wp.int32,
+    n_e: wp.int32,
+    weight: Any,
 ):
     """Forces against the derivatives, 12 a component, of elements whose vertices 0 are the nodes from ``at`` on.
 
-    Moduli begin at ``at_lam`` and ``at_mu``; those of a Gauss point are ``step`` from those of the next.
+    ``place`` is the first of the elements, ``weight`` that of a Gauss point for each.
     """
-    weight = points.dtype(type(points[at][0])(WEIGHT))
     zero = type(points[at][0])(0.0)
     nil = wp.vector(zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero)
     none = wp.outer(nil, weight)
@@ -165,7 +165,7 @@ def forces_of(
     fx = none
     fy = none
     fz = none
-    g = wp.int32(0)
+    g = place
     for i in range(2):
         for j in range(2):
             for k in range(2):
@@ -185,11 +185,11 @@ def forces_of(
                 xx = dot3(hx[u], hx[v], hx[w], a0, b0, c0)
                 yy = dot3(hy[u], hy[v], hy[w], a1, b1, c1)
                 zz = dot3(hz[u], hz[v], hz[w], a2, b2, c2)
-                shear = wp.cw_mul(factor, mu[at_mu + g])
+                shear = wp.cw_mul(factor, mu[g])
                 yz = dot3(hy[u], hy[v], hy[w], a2, b2, c2) + dot3(hz[u], hz[v], hz[w], a1, b1, c1)
                 xz = dot3(hx[u], hx[v], hx[w], a2, b2, c2) + dot3(hz[u], hz[v], hz[w], a0, b0, c0)
                 xy = dot3(hx[u], hx[v], hx[w], a1, b1, c1) + dot3(hy[u], hy[v], hy[w], a0, b0, c0)
-                pressure = wp.cw_mul(wp.cw_mul(factor, lam[at_lam + g]), xx + yy + zz)
+                pressure = wp.cw_mul(wp.cw_mul(factor, lam[g]), xx + yy + zz)
                 twice = shear + shear
                 xx = pressure + wp.cw_mul(twice, xx)
                 yy = pressure + wp.cw_mul(twice, yy)
@@ -206,7 +206,7 @@ def forces_of(
                 fz[u] = fz[u] + dot3(xz, yz, zz, a0, a1, a2)
                 fz[v] = fz[v] + dot3(xz, yz, zz, b0, b1, b2)
                 fz[w] = fz[w] + dot3(xz, yz, zz, c0, c1, c2)
-                g = g + step
+                g = g + n_e
     return fx, fy, fz
 
 
@@ -232,7 +232,8 @@ def shares(
     at = layer * n_uv + row * n_u + column
     place = (layer * (n_v - 1) + row) * (n_u - 1) + column
     n_e = (n_u - 1) * (n_v - 1) * (n_w - 1)
-    fx, fy, fz = forces_of(points, displacement, at, n_u, n_uv, n_uv * n_w, lam, mu, place, place, n_e)
+    weight = out.dtype(type(points[0][0])(WEIGHT))
+    fx, fy, fz = forces_of(points, displacement, at, n_u, n_uv, n_uv * n_w, lam, mu, place, n_e, weight)
     block = 24 * (layer * n_v + row) * n_u + column
     store_vertices(fx, block, n_u, n_v, out)
     store_vertices(fy, block + 2 * n_u, n_u, n_v, out)
@@ -264,36 +265,30 @@ def sum_shares(
         out[at] = wp.cw_mul(low + high, free[at])
 
 
-@wp.kernel(enable_backward=False, module="unique")
-def pack_moduli(
+@wp.func
+def fetch_rows(
+    points: LaneArray,
+    displacement: LaneArray,
+    at: wp.int32,
+    n_u: wp.int32,
+    n_uv: wp.int32,
+    n: wp.int32,
     lam: LaneArray,
     mu: LaneArray,
-    n_u: wp.int32,
-    n_rows: wp.int32,
-    out: LaneArray,
-    first: wp.int32,
-    lanes: wp.int32,
+    place: wp.int32,
+    n_e: wp.int32,
 ):
-    """Lame's moduli (8, elements) as ``bricks`` needs them: (rows, vectors of a row, 8, lambda and mu, lanes).
-
-    The last vector of a row overlaps the one before it: what that has is 0 here. Launched over (rows of elements,
-    n_u - 1).
-    """
-    tid_row, item = wp.tid()
-    row = tid_row + first
-    column = wp.min(item * lanes, n_u - 1 - lanes)
-    to = (row * ((n_u - 2) / lanes + 1) + item) * 16 * lanes
-    place = row * (n_u - 1) + column
+    """Ask for the nodes two rows on of the layer above, and for the moduli of the next row."""
+    node = at + n_uv + 2 * n_u
+    for _component in range(3):
+        fetch(points, node)
+        fetch(displacement, node)
+        node = node + n
+    element = place + n_u - 1
     for _point in range(8):
-        first_modulus = lam[place]
-        second_modulus = mu[place]
-        for lane in range(item * lanes - column):
-            first_modulus[lane] = type(first_modulus[0])(0.0)
-            second_modulus[lane] = type(first_modulus[0])(0.0)
-        out[to] = first_modulus
-        out[to + lanes] = second_modulus
-        to = to + 2 * lanes
-        place = place + n_rows * (n_u - 1)
+        fetch(lam, element)
+        fetch(mu, element)
+        element = element + n_e
 
 
 @wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
@@ -303,7 +298,8 @@ def bricks(
     n_u: wp.int32,
     n_v: wp.int32,
     n_w: wp.int32,
-    moduli: LaneArray,
+    lam: LaneArray,
+    mu: LaneArray,
     size: wp.int32,
     out: LaneArray,
     first: wp.int32,
@@ -318,6 +314,8 @@ def bricks(
     if item > 0:
         return
     n_uv = n_u * n_v
+    n = n_uv * n_w
+    n_e = (n_u - 1) * (n_v - 1) * (n_w - 1)
     deep = (size + 1) * n_u
     component = (size + 1) * deep
     block = (brick_w * ((n_v - 2) / size + 1) + brick_v) * 3 * component
@@ -325,14 +323,15 @@ def bricks(
         out[block + wp.min(i, 3 * component - lanes)] = out.dtype(type(points[0][0])(0.0))
     for layer in range(brick_w * size, wp.min(brick_w * size + size, n_w - 1)):
         for row in range(brick_v * size, wp.min(brick_v * size + size, n_v - 1)):
-            place = (layer * (n_v - 1) + row) * ((n_u - 2) / lanes + 1) * 16 * lanes
             for begin in range(0, n_u - 1, lanes):
                 column = wp.min(begin, n_u - 1 - lanes)
                 at = layer * n_uv + row * n_u + column
-                here = place + 16 * begin
-                fx, fy, fz = forces_of(
-                    points, displacement, at, n_u, n_uv, n_uv * n_w, moduli, moduli, here, here + lanes, 2 * lanes
-                )
+                place = (layer * (n_v - 1) + row) * (n_u - 1) + column
+                weight = out.dtype(type(points[0][0])(WEIGHT))
+                for lane in range(begin - column):  # what the vector before this has
+                    weight[lane] = type(points[0][0])(0.0)
+                fetch_rows(points, displacement, at, n_u, n_uv, n, lam, mu, place, n_e)
+                fx, fy, fz = forces_of(points, displacement, at, n_u, n_uv, n, lam, mu, place, n_e, weight)
                 to = block + (layer - brick_w * size) * deep + (row - brick_v * size) * n_u + column
                 add_vertices(fx, to, n_u, deep, out)
                 add_vertices(fy, to + component, n_u, deep, out)

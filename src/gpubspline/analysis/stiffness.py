@@ -15,8 +15,6 @@ from gpubspline.mesh.mesh import Mesh
 
 FORMULATIONS = ("full", "incompatible", "bbar")
 """Of hex8; their numbers are those of the kernels."""
-LANES = 16
-"""The most of a vector there."""
 BRICK = 8
 """Rows of elements each way that a CPU sums in its caches: 9 x 9 rows of nodes of 9 numbers each stay in the second."""
 _CHUNK = 1 << 16
@@ -47,7 +45,6 @@ class Stiffness:
     forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
     structure: nodes per direction, where the mesh is structured and of isotropic hex8 of full integration, else None;
         ``apply`` then needs no connectivity.
-    packed: Lame's moduli as it reads them on a CPU, else None.
     partial: what it writes on the way, see ``structured_elasticity.py``; else None.
     """
 
@@ -69,7 +66,6 @@ class Stiffness:
     fluxes: Buffer
     roots: tuple[Buffer, Buffer, Buffer] | None = None
     structure: tuple[int, ...] | None = None
-    packed: Buffer | None = None
     partial: Buffer | None = None
 
     @property
@@ -84,15 +80,15 @@ class Stiffness:
             self._gather(self.forces, 3, free, out)
             return
         n_u, n_v, n_w = self.structure
-        where = (self.points, displacement, *self.structure)
-        if self.packed is not None:
+        where = (self.points, displacement, *self.structure, *self.lame)
+        if self.device.cores:
             launched = (*_bricks(self.structure), n_u - 1)
-            self.device.launch("structured_elasticity.bricks", launched, *where, self.packed, BRICK, self.partial)
+            self.device.launch("structured_elasticity.bricks", launched, *where, BRICK, self.partial)
             how = (self.partial, free, *self.structure, BRICK, out)
             self.device.launch("structured_elasticity.sum_bricks", (n_w, n_v, n_u), *how)
         else:
             launched = (n_w - 1, n_v - 1, n_u - 1)
-            self.device.launch("structured_elasticity.shares", launched, *where, *self.lame, self.partial)
+            self.device.launch("structured_elasticity.shares", launched, *where, self.partial)
             how = (self.partial, free, n_u, n_v * n_w, out)
             self.device.launch("structured_elasticity.sum_shares", (n_v * n_w, n_u), *how)
 
@@ -181,7 +177,6 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         fluxes=device.empty(1 if element.n_nodes == 8 and roots is None else 9 * len(weights) * mesh.n_elements),
         roots=roots,
         structure=by_rows,
-        packed=None if by_rows is None or not device.cores else _packed(by_rows, device, lame),
         partial=None if by_rows is None else _partial(by_rows, device),
     )
 
@@ -189,13 +184,6 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
 def _bricks(structure: tuple[int, ...]) -> tuple[int, int]:
     """Bricks along w and along v."""
     return -(-(structure[2] - 1) // BRICK), -(-(structure[1] - 1) // BRICK)
-
-
-def _packed(structure: tuple[int, ...], device: Device, lame: list[Buffer]) -> Buffer:
-    n_u, n_rows = structure[0], (structure[1] - 1) * (structure[2] - 1)
-    packed = device.empty(16 * n_rows * (n_u - 1 + LANES))
-    device.launch("structured_elasticity.pack_moduli", (n_rows, n_u - 1), *lame, n_u, n_rows, packed)
-    return packed
 
 
 def _partial(structure: tuple[int, ...], device: Device) -> Buffer:
