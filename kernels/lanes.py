@@ -19,8 +19,8 @@ IntLaneArray = wp.array(dtype=Any)
 REGISTER_BYTES = 64
 """Of a CPU's vectors. A module with this as its ``REGISTER`` gets lanes for one register, unless a row holds fewer."""
 # Lanes are loops: not unrolled before they are made vectors, each becomes one instruction, or up to 4 where registers
-# are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must. Vectors that
-# are kept on a stack which is not aligned to them lie in two lines of the cache each.
+# are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must. Vectors
+# kept on a stack that is not aligned to them lie in two lines of the cache each.
 FUSED = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast -mstackrealign"
 
 
