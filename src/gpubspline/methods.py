@@ -14,6 +14,7 @@ from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
@@ -227,7 +228,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     parts, numbers = _parts(body, meshing)
     made = blocks_mesh(body.region, size, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
     made = refine(made, meshing.refine, device=device)
-    mesh = made.mesh if element == "hex8" else curve(made, device=device).sample(1, element)
+    mesh, figures = (made.mesh, {}) if element == "hex8" else _curved(made, element, device)
     if parts:
         label = np.zeros(mesh.n_elements, dtype=np.int32)
         for name, number in numbers.items():
@@ -238,7 +239,20 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
     warn_of_topology(made.report.euler, size)
-    return Meshed(mesh, made.report.to_dict())
+    return Meshed(mesh, made.report.to_dict() | figures)
+
+
+def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str, Any]]:
+    """Hexes whose midway nodes follow the surface, and how many of these could not."""
+    curved = curve(made, device=device)
+    held = curved.held_back
+    if held["count"]:
+        warnings.warn(
+            f"{held['count']:,} midway nodes stay up to {held['max_mm']:.2g} mm off the surface, so that no hex folds",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+    return curved.sample(1, element), {"held_back_nodes": held}
 
 
 def foretell(region: Region, size_mm: float, clock: Clock) -> None:

@@ -7,10 +7,11 @@ import pytest
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError
-from gpubspline.mesh.bezier import bezier_blocks
+from gpubspline.mesh.bezier import KEPT, BezierBlocks, bezier_blocks
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import scaled_jacobian
 from gpubspline.mesh.shared_lattice import CORNERS, SharedLattice
+from gpubspline.mesh.validity import certify
 from gpubspline.spline.hyperpatch import bezier
 
 RADIUS = 10.0
@@ -117,6 +118,32 @@ def test_curved_elements_fill_a_ball() -> None:
     assert mesh.volume_mm3 < 0.95 * exact
     assert blocks.sample(1, "hex27").volume_mm3 == pytest.approx(exact, rel=2e-4)
     assert blocks.sample(1, "hex20").volume_mm3 == pytest.approx(exact, rel=2e-3)
+
+
+def wild(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Onto the sphere, but on one side by way of places up to three away: blocks that follow it fold."""
+    return on_sphere(points + 3 * np.sin(points[:, [1, 2, 0]]) * (points[:, :1] > 3))
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_points_are_held_back_where_a_block_would_fold(
+    degree: int, monkeypatch: pytest.MonkeyPatch, device64: Device
+) -> None:
+    mesh = bezier_blocks(ball(), on_sphere, 1).sample(3, project=on_sphere)
+    straight = certify(mesh, device64)
+
+    def least(blocks: BezierBlocks) -> np.ndarray:
+        if degree == 2:
+            return certify(blocks.sample(1, "hex27"), device64).lower - KEPT * straight.lower
+        return scaled_jacobian(blocks.sample(4), device64)
+
+    held = bezier_blocks(mesh, wild, degree)
+    assert least(held).min() > -1e-9
+    count = held.lattice.on_boundary.sum()
+    assert 0 < held.held_back["count"] < count and 0 < held.held_back["max_mm"] < 3 * np.sqrt(3)
+    monkeypatch.setattr("gpubspline.mesh.bezier.KEPT", -np.inf)
+    assert least(bezier_blocks(mesh, wild, degree, floor=-np.inf)).min() < 0
+    assert bezier_blocks(mesh, on_sphere, degree).held_back == {"count": 0, "max_mm": 0.0}
 
 
 def test_sets_follow_the_blocks() -> None:

@@ -6,13 +6,13 @@ follow by transfinite interpolation (Gordon and Hall 1973) of edges and faces.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import InputError
+from gpubspline.mesh.bernstein import bernstein, from_samples, lobatto
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.shared_lattice import FACES, SharedLattice
@@ -25,8 +25,13 @@ Put = Callable[[Floats, NDArray[np.int64], Floats], None]
 
 MAX_DEGREE = 3
 
-EASINGS = 6
-"""Most rounds in which the way of outer points to the surface is halved; in the last it is none."""
+KEPT = 0.25
+"""Of a straight hex's least determinant, over its mean one: what is certified of the curved block."""
+
+EASED, EASINGS = 0.7, 12
+"""What is left, each time, of the way of a block's outer points to the surface; times at most, the last to none."""
+
+_CHUNK = 1 << 20  # samples held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +43,14 @@ class BezierBlocks:
     lattice: numbers of the blocks' control points.
     control: (n, 3) float64, mm.
     element_sets: members of each named set of blocks.
+    held_back: outer points that went part of their way to the surface alone, so that no block folds, and how far they
+        stayed off it: ``{"count": 0, "max_mm": 0.0}``.
     """
 
     lattice: SharedLattice
     control: Floats
     element_sets: dict[str, NDArray[np.int32]]
+    held_back: dict[str, float]
 
     @property
     def degree(self) -> int:
@@ -69,7 +77,7 @@ class BezierBlocks:
         if element.dimension != 3 or density < 1:
             raise InputError(f"expected hexes and a density of 1 or more, got {density} and {element_type}")
         fine = SharedLattice(self.lattice.hexes, self.lattice.n_corners, element.order * density)
-        at = _bernstein(self.degree, np.linspace(0, 1, fine.degree + 1))
+        at = bernstein(self.degree, np.linspace(0, 1, fine.degree + 1))
         points = np.empty((fine.starts[-1], 3))
         points[fine.numbers] = _along_axes(at, self.control[self.lattice.numbers])
         if project is not None:
@@ -97,15 +105,16 @@ def _children(blocks: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 0.0) -> BezierBlocks:
     """Curve the hexes of a mesh so that their outer faces follow a surface.
 
-    Where a block would fold, or its least scaled Jacobian inside fall to ``floor``, its outer points go only part of
-    the way, if need be none.
+    A block's outer points go only part of the way, if need be none, where its least scaled Jacobian would fall to
+    ``floor``, or its least determinant over the mean one, as its Bernstein coefficients bound it, below ``KEPT`` of the
+    straight hex's.
 
     Arguments
     ---------
     mesh: hex8; corners inside stay.
     project: onto the surface.
     degree: 1 to 3.
-    floor: least scaled Jacobian at the block's own lattice points; blocks whose straight hex is below stay straight.
+    floor: least scaled Jacobian at (3 d)^3 points of a block; blocks whose straight hex is below stay straight.
 
     Raises
     ------
@@ -116,26 +125,35 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 
     lattice = SharedLattice(mesh.cells.astype(np.int64), mesh.n_nodes, degree)
     corners = mesh.points.astype(np.float64)
     normals = outer_normals(lattice, corners)
+    off = np.zeros(lattice.starts[-1])
 
     def put(points: Floats, numbers: NDArray[np.int64], share: Floats) -> None:
         if numbers.size:
             way = project(points[numbers], normals[numbers]) - points[numbers]
             points[numbers] += share[numbers, None] * way
+            off[numbers] = (1 - share[numbers]) * np.linalg.norm(way, axis=1)
 
     share = np.ones(lattice.starts[-1])
     curved = np.asarray(lattice.on_boundary[lattice.numbers].any(axis=(1, 2, 3)))
+    straight = lattice.numbers[curved, ::degree, ::degree, ::degree]
+    kept = np.full(len(curved), -np.inf)
+    kept[curved] = KEPT * _least_jacobian(corners[straight], 1)[1]
     changed = curved
-    folded = np.zeros(len(curved), dtype=bool)
+    poor = np.zeros(len(curved), dtype=bool)
     for left in reversed(range(EASINGS)):
         control = _control(lattice, _through(lattice, corners, put, share))
-        folded[changed] = _least_jacobian(control[lattice.numbers[changed]], degree) <= floor
+        scaled, ratio = _least_jacobian(control[lattice.numbers[changed]], degree)
+        poor[changed] = (scaled <= floor) | (ratio < kept[changed])
         eased = np.zeros(len(share), dtype=bool)
-        eased[lattice.numbers[folded]] = True
+        eased[lattice.numbers[poor]] = True
         if not left or not share[eased].any():
             break
-        share[eased] *= 0.5 if left > 1 else 0.0
+        share[eased] *= EASED if left > 1 else 0.0
         changed = curved & eased[lattice.numbers].any(axis=(1, 2, 3))
-    return BezierBlocks(lattice, control, dict(mesh.element_sets))
+    held = off[lattice.on_boundary & (share < 1)]
+    return BezierBlocks(
+        lattice, control, dict(mesh.element_sets), {"count": len(held), "max_mm": float(held.max(initial=0.0))}
+    )
 
 
 def outer_normals(lattice: SharedLattice, corners: Floats) -> Floats:
@@ -174,20 +192,33 @@ def _unit(vectors: Floats) -> Floats:
 
 def _control(lattice: SharedLattice, through: Floats) -> Floats:
     """Control points (n, 3) of blocks that pass through points (n, 3) at even parameters."""
-    to_control = np.asarray(np.linalg.inv(_bernstein(lattice.degree, np.linspace(0, 1, lattice.degree + 1))))
+    to_control = np.asarray(np.linalg.inv(bernstein(lattice.degree, np.linspace(0, 1, lattice.degree + 1))))
     control = np.empty_like(through)
     control[lattice.numbers] = _along_axes(to_control, through[lattice.numbers])
     return control
 
 
-def _least_jacobian(blocks: Floats, degree: int) -> Floats:
-    """(m,) least scaled Jacobian of blocks (m, d + 1, d + 1, d + 1, 3) at (2 d + 1)^3 even parameters."""
-    at = np.linspace(0, 1, 2 * degree + 1)
-    value, slope = _bernstein(degree, at), _bernstein_slope(degree, at)
-    tangents = [_tensor([slope if i == axis else value for i in range(3)], blocks) for axis in range(3)]
-    lengths = np.prod([np.linalg.norm(tangent, axis=-1) for tangent in tangents], axis=0)
-    volume = np.einsum("...x,...x->...", np.cross(tangents[0], tangents[1]), tangents[2])
-    return np.asarray((volume / np.maximum(lengths, np.finfo(float).tiny)).min(axis=(1, 2, 3)))
+def _least_jacobian(blocks: Floats, degree: int) -> tuple[Floats, Floats]:
+    """Bound the Jacobian of blocks (m, d + 1, d + 1, d + 1, 3).
+
+    Returns (m,) least scaled Jacobian at (3 d)^3 points, and the least coefficient of the determinant over its mean,
+    below which it is nowhere (see ``validity``).
+    """
+    n = 3 * degree
+    step = max(1, _CHUNK // n**3)
+    at = lobatto(n - 1)
+    value, slope = bernstein(degree, at), _bernstein_slope(degree, at)
+    scaled, ratio = [], []
+    for first in range(0, len(blocks), step):
+        part = blocks[first : first + step]
+        tangents = [_tensor([slope if i == axis else value for i in range(3)], part) for axis in range(3)]
+        lengths = np.prod([np.linalg.norm(tangent, axis=-1) for tangent in tangents], axis=0)
+        volume = np.einsum("...x,...x->...", np.cross(tangents[0], tangents[1]), tangents[2])
+        scaled.append((volume / np.maximum(lengths, np.finfo(float).tiny)).min(axis=(1, 2, 3)))
+        coefficients = _along_axes(from_samples(n - 1), volume[..., None])[..., 0]
+        mean = np.abs(coefficients.mean(axis=(1, 2, 3), keepdims=True))  # negative where a block is inside out
+        ratio.append((coefficients / np.where(mean > 0, mean, 1.0)).min(axis=(1, 2, 3)))
+    return np.concatenate([np.zeros(0), *scaled]), np.concatenate([np.zeros(0), *ratio])
 
 
 def _through(lattice: SharedLattice, corners: Floats, put: Put, share: Floats) -> Floats:
@@ -228,14 +259,9 @@ def _between_ends(values: Floats, axis: int) -> Floats:
     return np.asarray(first * (1 - share) + last * share)
 
 
-def _bernstein(degree: int, at: Floats) -> Floats:
-    """(points, d + 1) Bernstein polynomials."""
-    return np.stack([comb(degree, i) * at**i * (1 - at) ** (degree - i) for i in range(degree + 1)], axis=1)
-
-
 def _bernstein_slope(degree: int, at: Floats) -> Floats:
     """(points, d + 1) derivatives of the Bernstein polynomials."""
-    lower = np.pad(_bernstein(degree - 1, at), ((0, 0), (1, 1)))
+    lower = np.pad(bernstein(degree - 1, at), ((0, 0), (1, 1)))
     return degree * (lower[:, :-1] - lower[:, 1:])
 
 

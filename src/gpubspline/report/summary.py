@@ -67,6 +67,7 @@ def summary(
         "size_mm": None,
         "euler": None,
         "off_surface_nodes": None,
+        "held_back_nodes": None,
         "lost_features": None,
         "attempts": None,
         "scaled_jacobian": counted.quality.to_dict(),

@@ -26,7 +26,7 @@ _SLIDES = 3
 
 
 def curve(made: Blocks, *, degree: int = 2, floor: float = 0.0, device: Device) -> BezierBlocks:
-    """Make each hex a Bezier hyperpatch whose outer faces follow the level set.
+    """Make each hex a Bezier hyperpatch whose outer faces follow the level set, as far as no block folds.
 
     Arguments
     ---------
