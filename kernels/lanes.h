@@ -36,16 +36,6 @@ inline int run_start(size_t item, int n)
 // No multiplication and addition are fused, as in Warp on a CPU: both round alike and give the same mesh to the last bit.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Asks a CPU's caches for what will be needed.
-#if LANES > 1 && defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
-#define fetch(p, offset) __builtin_prefetch((p) + (offset))
-#endif
-#endif
-#ifndef fetch
-#define fetch(p, offset)
-#endif
-
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 #if LANES == 1

@@ -159,12 +159,12 @@ inline void fetch_rows(size_t at, __global const real *points, __global const re
                        int n, __global const real *lam, __global const real *mu, size_t step)
 {
     for (int c = 0; c < 3; c++) {
-        fetch(points, (size_t)c * n + at + n_uv + 2 * n_u);
-        fetch(displacement, (size_t)c * n + at + n_uv + 2 * n_u);
+        fetch(points, (size_t)c * n + at + n_uv + 2 * n_u, 1);
+        fetch(displacement, (size_t)c * n + at + n_uv + 2 * n_u, 1);
     }
     for (int g = 0; g < 8; g++) {
-        fetch(lam, g * step + n_u - 1);
-        fetch(mu, g * step + n_u - 1);
+        fetch(lam, g * step + n_u - 1, 1);
+        fetch(mu, g * step + n_u - 1, 1);
     }
 }
 
