@@ -302,13 +302,18 @@ def _table(mesh: Mesh, form: Format, units: Units) -> _Means:
 
 def _fields(mesh: Mesh, units: Units, by_node: bool) -> _Means:
     given = mesh.fields if by_node else mesh.cell_fields
-    fields = {"modulus": given["E_MPa"] * units.per_mpa, "poisson": given["nu"]}
+    fields = {"modulus": _times(given["E_MPa"], units.per_mpa), "poisson": given["nu"]}
     if "density_g_cm3" in given and np.all(given["density_g_cm3"] > 0):
-        fields["density"] = given["density_g_cm3"] * units.per_g_cm3
+        fields["density"] = _times(given["density_g_cm3"], units.per_g_cm3)
     if by_node:
         words = "Material by node: inside each element the modulus is interpolated between its nodes'."
         return _Means(words, {"means": "field by node", "error": 0.0}, nodal=fields)
     return _Means("Material by element.", {"means": "field by element", "error": 0.0}, elemental=fields)
+
+
+def _times(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Values in another unit, which may be their own."""
+    return values if factor == 1 else values * factor
 
 
 def _sections(bins: ModulusBins, units: Units) -> _Means:

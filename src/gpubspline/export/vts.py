@@ -120,6 +120,20 @@ class VtsWriter:
         ------
         InputError where the shapes, the names or the layers are not those announced, or values are not finite.
         """
+        for name, values in {"Points": points, **(fields or {}), **(cell_fields or {})}.items():
+            if not np.isfinite(values).all():
+                raise InputError(f"expected finite values in the field {name}, got NaN or infinity")
+        self.write_finite(first_layer, points, fields, cell_fields, first_cell_layer)
+
+    def write_finite(
+        self,
+        first_layer: int,
+        points: NDArray[Any],
+        fields: Fields | None = None,
+        cell_fields: Fields | None = None,
+        first_cell_layer: int = 0,
+    ) -> None:
+        """The same for values that are known to be finite."""
         n_u, n_v, _ = self._counts
         shape = np.shape(points)[1:]
         self._check("Points", first_layer, points, (3, *shape[:1], n_v, n_u), self._layers_missing)
@@ -150,9 +164,6 @@ class VtsWriter:
             raise InputError(f"expected {name} of shape {shape}, got {np.shape(values)}")
         if not 0 <= first <= first + shape[-3] <= missing.size:
             raise InputError(f"expected layers up to {missing.size} of {name}, got {first} to {first + shape[-3]}")
-        if not np.isfinite(values).all():
-            raise InputError(f"expected finite values in the field {name}, got NaN or infinity")
-
     def _check_complete(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
@@ -193,7 +204,7 @@ def write(deck: Deck, path: Path) -> None:
     cell_types = {name: values.dtype for name, values in mesh.cell_fields.items()}
     told = set_arrays(deck), deck.comment_lines(100)
     with VtsWriter(path, mesh.structure, types, cell_types, mesh.points.dtype, *told) as writer:
-        writer.write(
+        writer.write_finite(
             0,
             mesh.planes.reshape(3, *nodes),
             {name: values.reshape(nodes) for name, values in mesh.fields.items()},
