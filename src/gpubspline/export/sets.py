@@ -22,7 +22,8 @@ def set_arrays(deck: Deck) -> Arrays:
     arrays = {f"{NODES}{name}": np.asarray(members) for name, members in deck.node_sets.items()}
     arrays |= {f"{ELEMENTS}{name}": np.asarray(members) for name, members in deck.element_sets.items()}
     for name, faces in deck.surfaces.items():
-        arrays[f"{SURFACE}{name}"] = np.stack([faces.elements, faces.sides], axis=1, dtype=np.int32, casting="same_kind")
+        rows = [faces.elements, faces.sides]
+        arrays[f"{SURFACE}{name}"] = np.stack(rows, axis=1, dtype=np.int32, casting="same_kind")
     return {name: np.ascontiguousarray(values, dtype=np.int32) for name, values in arrays.items()}
 
 
