@@ -199,7 +199,7 @@ __kernel void node_gradient(__global const real *values, int k, int m, __global 
     }
     real nx = normal[i], ny = normal[second + i], nz = normal[third + i];
     real off = gx * nx + gy * ny + gz * nz;
-    if (slack[i] > 0) // a step back from the end of the slack is free
+    if (slack[i] > 0 && levels[second + i] < 0) // a step back from the end of the slack is free
         off = fmin(off, (real)0);
     real moves = slack[i] < 0 ? 0 : 1, kept = moves;
     if (levels[second + i] >= 0 && slack[i] == 0) { // the normal is the curve's direction: nothing but what goes along it is left

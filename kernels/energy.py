@@ -228,7 +228,7 @@ def node_gradient(
     ny = normal[n + i]
     nz = normal[2 * n + i]
     off = gx * nx + gy * ny + gz * nz
-    if slack[i] > none:  # a step back from the end of the slack is free
+    if slack[i] > none and levels[n + i] < 0:  # a step back from the end of the slack is free
         off = wp.min(off, none)
     moves = wp.where(slack[i] < none, none, out.dtype(1.0))
     kept = moves

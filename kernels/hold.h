@@ -61,22 +61,22 @@ inline point held(__global const real *volume, int n_i, int n_j, int n_k, __glob
     return p;
 }
 
-// The same on the level `one`, and where `other` is not negative on both levels: `normal` is the curve's direction then,
-// or with slack that of a level whose end is reached.
+// The same on the level `one`, and where `other` is not negative on both levels: the slack is from `other` then, and `normal`
+// the curve's direction, or with slack that of `one`.
 inline point held_on(__global const real *volume, int n_i, int n_j, int n_k, __global const real *m, int one, int other,
                      point p, real slack, point *normal)
 {
     size_t size = (size_t)n_i * n_j * n_k;
-    p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, normal);
+    p = held(volume + one * size, n_i, n_j, n_k, m, p, other < 0 ? slack : 0, normal);
     if (other < 0)
         return p;
     point a, b;
     for (int turn = 0; turn < 2; turn++) {
         p = held(volume + other * size, n_i, n_j, n_k, m, p, slack, &b);
-        p = held(volume + one * size, n_i, n_j, n_k, m, p, slack, &a);
+        p = held(volume + one * size, n_i, n_j, n_k, m, p, 0, &a);
     }
     if (slack > 0) {
-        *normal = a.x != 0 || a.y != 0 || a.z != 0 ? a : b;
+        *normal = a;
         return p;
     }
     point along = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};

@@ -113,18 +113,16 @@ def held_on(
 ):
     """Hold p on the level ``one``, and where ``other`` is not negative on both.
 
-    The normal is the curve's direction then, or with slack that of a level whose end is reached.
+    The slack is from ``other`` then. The normal is the curve's direction, or with slack that of ``one``.
     """
-    q, normal = held(volume, one, n_i, n_j, n_k, to_index, p, slack)
+    none = type(slack)(0.0)
+    q, normal = held(volume, one, n_i, n_j, n_k, to_index, p, wp.where(other < 0, slack, none))
     if other >= 0:
         across = normal
         for _turn in range(2):
             r, across = held(volume, other, n_i, n_j, n_k, to_index, q, slack)
-            q, normal = held(volume, one, n_i, n_j, n_k, to_index, r, slack)
-        if slack > type(slack)(0.0):
-            if wp.dot(normal, normal) == type(slack)(0.0):
-                normal = across
-        else:
+            q, normal = held(volume, one, n_i, n_j, n_k, to_index, r, none)
+        if slack == none:
             along = wp.cross(normal, across)
             normal = inverse_length(along) * along
     return q, normal

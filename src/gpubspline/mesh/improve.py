@@ -34,13 +34,16 @@ SWEEPS = 4
 REACH, HALVINGS, TRIES = 0.1, 4, 8
 """First step of a single node, in sizes of its smallest element, how often it is halved, and most steps it takes."""
 
-TANGLED, LOOSE = 0.3, (0.5, 1.0)
-"""Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths."""
+TANGLED, LOOSE = 0.3, ((0.5, True), (0.5, False), (1.0, False))
+"""Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths.
+
+First, where there are bodies that touch, only those between them: what is off there changes no outer surface.
+"""
 
 AGAIN = 3
 """Most times that the first descent goes on where hexes are left below that."""
 
-POOR, SLACK = 0.6, (0.1, 0.2, 0.3)
+POOR, SLACK = 0.6, ((0.2, True), (0.1, False), (0.2, False), (0.3, False))
 """The same for hexes that no floor below this was reached for."""
 
 
@@ -102,17 +105,21 @@ def improve(
         if best.least >= TANGLED:
             break
         best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
-    for loose in LOOSE if effort.loosen else ():
+    for loose, within in LOOSE if effort.loosen else ():
         if best.least >= TANGLED:
             break
-        slack = loosened(hexes, best, TANGLED, loose, rings=1)
+        slack = loosened(hexes, best, TANGLED, loose, rings=1, within=within)
+        if np.array_equal(slack, best.slack):
+            continue
         hexes = hexes.with_slack(slack)
         best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
-    best = climb(hexes, colours, best, effort)
-    for loose in SLACK if effort.loosen else ():
+    best = climb(hexes.with_slack(best.slack), colours, best, effort)
+    for loose, within in SLACK if effort.loosen else ():
         if best.least >= min(POOR, effort.goal):
             break
-        slack = loosened(hexes, best, POOR, loose, rings=2)
+        slack = loosened(hexes, best, POOR, loose, rings=2, within=within)
+        if np.array_equal(slack, best.slack):
+            continue
         hexes = hexes.with_slack(slack)
         best = climb(hexes, colours, replace(best, slack=slack), effort)
     return best
@@ -182,13 +189,21 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     return len(nodes)
 
 
-def loosened(hexes: Movable, at: Placed, floor: float, loose: float, rings: int) -> NDArray[Any]:
-    """Slack (n,) with that of surface nodes within some rings of hexes below a floor raised to ``loose``."""
+def loosened(
+    hexes: Movable, at: Placed, floor: float, loose: float, rings: int, *, within: bool = False
+) -> NDArray[Any]:
+    """Slack (n,) with that of surface nodes within some rings of hexes below a floor raised to ``loose``.
+
+    ``within``: of those between bodies alone.
+    """
     near = np.zeros(hexes.n_nodes, dtype=bool)
     near[hexes.cells[hexes.scaled_jacobian(at.x) < floor]] = True
     for _ in range(rings - 1):
         near[hexes.cells[near[hexes.cells].any(axis=1)]] = True
     sliding = (at.slack >= 0) & (at.slack < FREE)
+    if within:
+        first, second = np.array(hexes.device.get(hexes.levels)).reshape(2, -1)
+        sliding &= (first > 0) | (second >= 0)
     return np.where(near & sliding, np.maximum(at.slack, loose), at.slack)
 
 

@@ -1,11 +1,14 @@
 """Several bodies that touch: conforming, each with its volume, interfaces where their boundary is."""
 
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import SimpleITK as sitk
+from scipy.ndimage import map_coordinates
 
 from gpubspline.ct.labels import Labels, Segment
 from gpubspline.ct.region import Region, region_from_mask
@@ -13,7 +16,10 @@ from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.export import read_mesh
+from gpubspline.mesh.blocks.contacts import find_contacts
 from gpubspline.mesh.blocks.core import Cells
+from gpubspline.mesh.blocks.grow import find_core
+from gpubspline.mesh.blocks.level_set import Field, LevelSet, Part
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.pillow import pillow
@@ -29,9 +35,13 @@ BALL = np.sqrt(X**2 + Y**2 + Z**2) - RADIUS
 PLANE = (Z - SLOPE * X - HEIGHT) / np.hypot(1, SLOPE)
 INNER = np.sqrt(X**2 + Y**2 + Z**2) - CORE
 
+DEPTH = RADIUS - np.sqrt((X - 0.4) ** 2 + (Y + 0.3) ** 2 + (Z - 0.2) ** 2) - 2.25
+"""Of a sphere some 2 mm, 0.8 to 1.1 elements, under the ball's surface."""
+
 PARTS = {
     "halves": {"lower": PLANE, "upper": -PLANE},
     "shell": {"core": INNER, "shell": -INNER},
+    "thin": {"core": -DEPTH, "shell": DEPTH},
     "three": {"lower": PLANE, "left": np.maximum(-PLANE, X - ACROSS), "right": np.maximum(-PLANE, ACROSS - X)},
 }
 
@@ -42,12 +52,13 @@ def region(distance: np.ndarray) -> Region:
     return Region(distance < 0, distance.astype(np.float32), affine)
 
 
+@cache
 def made(name: str, device: Device) -> Blocks:
     parts = {part: region(np.maximum(BALL, distance)) for part, distance in PARTS[name].items()}
-    return blocks_mesh(region(BALL), 2.5, parts=parts, device=device)
+    return blocks_mesh(region(BALL), 2.5, parts=parts, attempts=1, device=device)
 
 
-@pytest.mark.parametrize(("name", "floor"), [("halves", 0.65), ("shell", 0.7), ("three", 0.5)])
+@pytest.mark.parametrize(("name", "floor"), [("halves", 0.65), ("shell", 0.7), ("thin", 0.6), ("three", 0.5)])
 def test_bodies_share_their_interface(name: str, floor: float, device: Device) -> None:
     mesh = made(name, device).mesh
     assert assess(mesh, device)[1].min > floor
@@ -59,6 +70,13 @@ def test_bodies_share_their_interface(name: str, floor: float, device: Device) -
     shared = np.intersect1d(*(mesh.cells[mesh.element_sets[part]] for part in (one, other)))
     assert np.array_equal(shared, mesh.node_sets[f"{one}_to_{other}"])
     assert np.array_equal(np.unique(mesh.boundary()), mesh.node_sets["surface"])
+
+
+def test_each_body_has_its_volume(device: Device) -> None:
+    """A core within a shell thinner than an element: chords of the surface between them would cost it 5 %."""
+    mesh = made("thin", device).mesh
+    core = replace(mesh, connectivity=mesh.cells[mesh.element_sets["core"]], element_sets={})
+    assert core.volume_mm3 == pytest.approx(4 / 3 * np.pi * (RADIUS - 2.25) ** 3, rel=0.01)
 
 
 def test_an_interface_lies_on_the_boundary_of_its_bodies(device: Device) -> None:
@@ -106,6 +124,24 @@ def test_bodies_are_sound_each_and_together(seed: int) -> None:
 def test_parts_must_fill_the_region(device: Device) -> None:
     with pytest.raises(InputError, match="fill the region without overlap"):
         blocks_mesh(region(BALL), 2.5, parts={"lower": region(np.maximum(BALL, PLANE))}, device=device)
+
+
+def test_a_thin_body_keeps_what_it_parts_apart() -> None:
+    """Cells of a shell thinner than they are: none is missing between the core and the outside."""
+    shell, core = level(np.maximum(BALL, DEPTH)), level(np.maximum(BALL, -DEPTH))
+    whole = LevelSet(level(BALL), 2.5, np.eye(4))
+    cells = find_core(whole, {"shell": Part(shell, shell), "core": Part(core, core)}).cells
+    assert (cells == 1).any() and (cells == 2).any()
+    assert not len(find_contacts(whole.phi, [shell, core]).strangers(cells))
+    for axis in range(3):
+        line = np.moveaxis(cells, axis, 0)
+        assert not np.any((line[:-1] == 0) & (line[1:] == 2)) and not np.any((line[:-1] == 2) & (line[1:] == 0))
+
+
+def level(distance: np.ndarray) -> Field:
+    """Samples a third of an element of 2.5 mm apart, in elements."""
+    at = np.mgrid[0:55, 0:55, 0:55] * (2.5 / 3) + 0.5  # in voxels, from -19.5 mm to 25.5 mm
+    return np.asarray(map_coordinates(distance, at, order=1, mode="nearest") / 2.5, dtype=np.float32)
 
 
 def labels(values: np.ndarray) -> Labels:

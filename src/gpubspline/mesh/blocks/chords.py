@@ -54,20 +54,24 @@ class Chords:
         return np.clip(spread(weight, total, shape), -FARTHEST, FARTHEST)
 
 
-def measure_chords(points: NDArray[Any], quads: NDArray[np.int32], phi: NDArray[np.float32], volume: float) -> Chords:
-    """Sample a level set at 3 x 3 points of each face; all distances are shifted to what the volumes differ by.
+def measure_chords(
+    points: NDArray[Any], quads: NDArray[np.int32], phi: NDArray[np.float32], volume: float | None = None
+) -> Chords:
+    """Sample a level set at 3 x 3 points of each face.
 
     Arguments
     ---------
     points: (n, 3) nodes, lattice coordinates.
     quads: (f, 4) faces.
     phi: (n_k, n_j, n_i) samples, in elements.
-    volume: that the level set holds, in elements.
+    volume: that the level set holds, in elements: all distances of closed faces are shifted to what theirs differs by.
     """
     corners = points[quads].astype(np.float64)
     places = np.einsum("pa,fax->fpx", _SHAPES, corners).reshape(-1, 3)
     values = map_coordinates(phi, places[:, ::-1].T * SAMPLES, order=1, mode="nearest").reshape(len(quads), -1)
     across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     centres, off, areas = corners.mean(axis=1), values @ _SIMPSON, 0.5 * np.linalg.norm(across, axis=1)
-    missing = 0.5 * float(np.einsum("fx,fx->", centres - centres[0], across)) / 3 - volume
-    return Chords(centres, off + (missing - off @ areas) / areas.sum(), areas)
+    if volume is not None:
+        missing = 0.5 * float(np.einsum("fx,fx->", centres - centres[0], across)) / 3 - volume
+        off = off + (missing - off @ areas) / areas.sum()
+    return Chords(centres, off, areas)

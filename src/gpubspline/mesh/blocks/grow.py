@@ -1,6 +1,6 @@
 """From a level set to hexes: the core, the layer that grows from it to the zero level, the nodes moved."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +11,10 @@ from scipy.ndimage import map_coordinates
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
+from gpubspline.mesh.blocks.contacts import find_contacts, part_strangers
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
-from gpubspline.mesh.blocks.labelled import assign, costs, element_sets, hold, node_sets
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet
+from gpubspline.mesh.blocks.labelled import assign, costs, element_sets, find_interfaces, hold, node_sets
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
 from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features
@@ -24,6 +25,9 @@ from gpubspline.mesh.mesh import Mesh
 
 ON_SURFACE = 0.01
 """A node farther from the surface, in elements, counts as off it."""
+
+PARTINGS = 12
+"""Most rounds in which bodies that do not touch are parted and cells are repaired."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +106,7 @@ def grow(
     core: Core,
     device: Device,
     effort: Effort | None = None,
-    parts: Mapping[str, Field] | None = None,
+    parts: Mapping[str, Part] | None = None,
     *,
     bulge: bool = True,
     clamp: bool = True,
@@ -114,17 +118,17 @@ def grow(
     ------
     MeshError where a hex stays inverted, unless that is allowed.
     """
-    names, distances = tuple(parts or ()), list((parts or {}).values())
     hexes = pillow(core.cells)
     held = hold(hexes)
-    holding = Holding(hexes, held, core.cells > 0, distances, device, clamp)
+    interfaces = find_interfaces(list((parts or {}).values()), held, core.cells, clamp=clamp)
+    holding = Holding(hexes, held, core.cells, interfaces, device, clamp)
     placed = place_nodes(holding, level, effort, bulge=bulge)
     if not (allow_inverted or placed.nodes.least > 0):
         raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))
-    return Grown(level, core, names, held.pairs, hexes, placed)
+    return Grown(level, core, tuple(parts or ()), held.pairs, hexes, placed)
 
 
-def find_core(level: LevelSet, parts: Mapping[str, Field] | None = None) -> Core:
+def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
     """Find the cells inside a level set, and the body of each where there are several, and repair them.
 
     Raises
@@ -134,8 +138,7 @@ def find_core(level: LevelSet, parts: Mapping[str, Field] | None = None) -> Core
     means = cell_means(level.phi)
     cells: Cells | Owners
     if parts:
-        within = np.stack([cell_means(part) for part in parts.values()])
-        cells, flips, unsound = repair_owners(assign(core_cells(means), within), costs(means, within))
+        cells, flips, unsound = _find_owners(level, means, [part.phi for part in parts.values()])
     else:
         cells, flips, unsound = repair(core_cells(means), means)
     if len(unsound):
@@ -147,6 +150,20 @@ def find_core(level: LevelSet, parts: Mapping[str, Field] | None = None) -> Core
         raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
     cells[~largest_body(cells > 0)] = 0
     return Core(cells, flips, {"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)})
+
+
+def _find_owners(level: LevelSet, means: Field, parts: Sequence[Field]) -> tuple[Owners, int, NDArray[np.int64]]:
+    """Body of each cell, sound, and none beside one that it does not touch; else as ``repair_owners``."""
+    within = np.stack([cell_means(part) for part in parts])
+    contacts = find_contacts(level.phi, parts)
+    price = costs(means, within)
+    given = owners = assign(core_cells(means), within)
+    for _ in range(PARTINGS):
+        owners, price = part_strangers(owners, price, contacts)
+        owners, _, unsound = repair_owners(owners, price)
+        if len(unsound) or not len(contacts.strangers(owners)):
+            break
+    return owners, int(np.count_nonzero(owners != given)), unsound
 
 
 def off_surface(points: NDArray[Any], reached: NDArray[Any], size_mm: float) -> dict[str, float]:

@@ -5,17 +5,20 @@ together, and where three meet along the curve of both.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
 from gpubspline.errors import InputError
-from gpubspline.mesh.blocks.core import count_neighbours
-from gpubspline.mesh.blocks.level_set import Field, bulged
+from gpubspline.mesh.blocks.chords import measure_chords
+from gpubspline.mesh.blocks.core import Cells, count_neighbours
+from gpubspline.mesh.blocks.level_set import Field, Part, brought_back, bulged
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed
+from gpubspline.mesh.blocks.reach import core_distance, near
 from gpubspline.mesh.movable import FREE
 
 MOST_BODIES = 60
@@ -105,9 +108,54 @@ def hold(hexes: Pillowed) -> Held:
     return Held(tuple(pairs), slack, levels, junctions)
 
 
-def level_volumes(whole: Field, parts: Sequence[Field], held: Held) -> list[Field]:
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """What lies between two bodies.
+
+    Attributes
+    ----------
+    phi: half the difference of their distances: its zero is their boundary.
+    held: what nodes are held by: bulged, and no farther than the cells of both reach.
+    """
+
+    phi: Field
+    held: Field
+
+
+Interfaces = dict[tuple[int, int], Interface]
+
+
+def find_interfaces(parts: Sequence[Part], held: Held, owners: Cells | Owners, *, clamp: bool = True) -> Interfaces:
+    """Find what lies between each pair of bodies that touch.
+
+    ``clamp``: hold nodes near the cells, without which those of thin bodies are drawn to other sheets.
+    """
+    own = {
+        body: core_distance(owners == body, parts[0].phi.shape)
+        for body in {body for pair in held.pairs for body in pair}
+    }
+    found: Interfaces = {}
+    for a, b in held.pairs:
+        one, other = parts[a - 1], parts[b - 1]
+        phi = brought_back(0.5 * (one.phi - other.phi), 0.5 * (one.raw - other.raw))
+        reached = near(bulged(phi), 0.5 * (own[a] - own[b])) if clamp else bulged(phi)
+        found[a, b] = Interface(phi, reached)
+    return found
+
+
+def straightened(interfaces: Interfaces, hexes: Pillowed, points: NDArray[Any]) -> Interfaces:
+    """Move what holds nodes (n, 3), lattice coordinates, by how far the faces between them lie from each boundary."""
+    moved: Interfaces = {}
+    for pair, interface in interfaces.items():
+        faces = hexes.interfaces[(hexes.sides == pair).all(axis=1)]
+        off = measure_chords(points, faces, interface.phi).field(interface.phi.shape)
+        moved[pair] = replace(interface, held=interface.held + off)
+    return moved
+
+
+def level_volumes(whole: Field, interfaces: Interfaces, held: Held) -> list[Field]:
     """Distances that hold nodes: of the whole, between each pair, and from the line or point of each junction."""
-    between = {(a, b): bulged(0.5 * (parts[a - 1] - parts[b - 1])) for a, b in held.pairs}
+    between = {pair: interface.held for pair, interface in interfaces.items()}
     volumes = [whole, *between.values()]
     for owners in held.junctions:
         bodies = [owner for owner in owners if owner > 0]

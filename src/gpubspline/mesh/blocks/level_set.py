@@ -176,10 +176,25 @@ def volume_inside(phi: NDArray[np.float32]) -> float:
     return float(_share_inside(phi).sum(dtype=np.float64)) / SAMPLES**3
 
 
-def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, device: Device) -> Field:
-    """Distance, in elements, of one of the bodies of a level set's region, sampled and smoothed as the level set is."""
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Distance, in elements, of one of the bodies of a level set's region, on its grid.
+
+    Attributes
+    ----------
+    phi: smoothed as the level set is.
+    raw: as it was sampled.
+    """
+
+    phi: Field
+    raw: Field
+
+
+def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, device: Device) -> Part:
+    """Sample the distance of one of the bodies of a level set's region."""
     sampled = _sampled(region, level.to_mm, level.phi.shape, device)
-    return _smooth(sampled / np.float32(level.size_mm), smoothing * SAMPLES)
+    raw = np.clip(sampled / np.float32(level.size_mm), -CLIP, CLIP)
+    return Part(_smooth(raw, smoothing * SAMPLES), raw)
 
 
 def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:
@@ -201,10 +216,10 @@ def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
         return phi
     once = gaussian_filter(phi, sigma, truncate=3.0, mode="nearest")
     twice = gaussian_filter(once, sigma, truncate=3.0, mode="nearest")
-    return _brought_back(np.asarray(2 * once - twice, dtype=np.float32), phi)
+    return brought_back(np.asarray(2 * once - twice, dtype=np.float32), phi)
 
 
-def _brought_back(smooth: NDArray[np.float32], phi: NDArray[np.float32]) -> NDArray[np.float32]:
+def brought_back(smooth: NDArray[np.float32], phi: NDArray[np.float32]) -> NDArray[np.float32]:
     """Move the zero level until it holds the volume of the unsmoothed one, within an element or so around.
 
     Smoothing flattens the ridge of a distance half way between two sheets, which draws near ones: it thickened plates

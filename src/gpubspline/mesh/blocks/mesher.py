@@ -11,7 +11,7 @@ from gpubspline.device import Device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.level_set import Field, LevelSet, level_set, part_of
+from gpubspline.mesh.blocks.level_set import LevelSet, Part, level_set, part_of
 from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.result import Attempt, Blocks
@@ -114,7 +114,7 @@ def mesh_level_set(
     level: LevelSet,
     device: Device,
     effort: Effort | None = None,
-    parts: Mapping[str, Field] | None = None,
+    parts: Mapping[str, Part] | None = None,
     *,
     bulge: bool = True,
     clamp: bool = True,
@@ -123,7 +123,7 @@ def mesh_level_set(
 
     Arguments
     ---------
-    parts: distance, in elements, of each of the bodies that fill the inside, sampled as the level set is.
+    parts: distance of each of the bodies that fill the inside, sampled as the level set is.
     bulge, clamp: whether surface nodes lie outside by the sag of their faces, and stay near the core: the bench
         switches them off.
 

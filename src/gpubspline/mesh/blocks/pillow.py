@@ -35,6 +35,7 @@ class Pillowed:
     n_core: nodes inside bodies.
     quads: (f, 4) int32 outward faces of the surface.
     interfaces: (g, 4) int32 faces between bodies, outward from the body of the lower number.
+    sides: (g, 2) int8 the bodies that each of these lies between, the lower first.
     bodies: (n,) bodies that each node belongs to, as bits; the lowest bit for the surface.
     colours: (n,) from 0; nodes of one colour share no hex.
     """
@@ -45,6 +46,7 @@ class Pillowed:
     n_core: int
     quads: NDArray[np.int32]
     interfaces: NDArray[np.int32]
+    sides: Owners
     bodies: NDArray[np.int64]
     colours: NDArray[np.int8]
 
@@ -142,6 +144,7 @@ def _numbered(made: _Layered, at: NDArray[np.int64]) -> Pillowed:
         n_core=int(np.count_nonzero(~held)),
         quads=number[faces[outside]],
         interfaces=number[faces[between]],
+        sides=np.stack([own[between], made.owners[beyond[between]]], axis=1),
         bodies=bodies[order],
         colours=((points & 1) @ np.array([1, 2, 4]) + 8 * copy).astype(np.int8),
     )

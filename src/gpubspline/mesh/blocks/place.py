@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from gpubspline.device import Device
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.core import Cells
-from gpubspline.mesh.blocks.labelled import Held, level_volumes
+from gpubspline.mesh.blocks.labelled import Held, Interfaces, level_volumes, straightened
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, volume_inside
-from gpubspline.mesh.blocks.pillow import Pillowed
+from gpubspline.mesh.blocks.pillow import Owners, Pillowed
 from gpubspline.mesh.blocks.reach import within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
@@ -27,19 +27,22 @@ STEPS = 20
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Hexes, and what their nodes are held by; ``inside`` are the core's cells."""
+    """Hexes, and what their nodes are held by.
+
+    ``cells`` are those of the core.
+    """
 
     hexes: Pillowed
     held: Held
-    inside: Cells
-    distances: list[Field]
+    cells: Cells | Owners
+    interfaces: Interfaces
     device: Device
     clamp: bool
 
     def by(self, wanted: Field) -> tuple[Movable, Field]:
         """Hold the nodes by a level set, as far as the core reaches; gives that too."""
-        reached = within_reach(wanted, self.inside) if self.clamp else wanted
-        volumes = np.stack(level_volumes(reached, self.distances, self.held))
+        reached = within_reach(wanted, self.cells > 0) if self.clamp else wanted
+        volumes = np.stack(level_volumes(reached, self.interfaces, self.held))
         level = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), self.device)
         cells, n, held = self.hexes.cells, self.hexes.n_nodes, self.held
         return movable(cells, n, held.slack, level, self.device, levels=held.levels), reached
@@ -70,8 +73,10 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
         return made
     volume = volume_inside(level.phi)
     chords = measure_chords(made.points, holding.hexes.quads, level.phi, volume)
-    if abs(chords.volume) <= FEW * volume:
+    if abs(chords.volume) <= FEW * volume and not holding.interfaces:
         return made
+    if holding.interfaces:
+        holding = replace(holding, interfaces=straightened(holding.interfaces, holding.hexes, made.points))
     hexes, reached = holding.by(wanted + chords.field(wanted.shape))
     effort = effort or Effort()
     effort = replace(effort, steps=min(STEPS, effort.steps))

@@ -43,7 +43,11 @@ class LostFeature:
 
 def within_reach(phi: NDArray[np.float32], cells: Cells, reach: float = REACH) -> NDArray[np.float32]:
     """Clamp a level set to the smoothed distance from the core's boundary, plus and minus the reach."""
-    distance = core_distance(cells, phi.shape)
+    return near(phi, core_distance(cells, phi.shape), reach)
+
+
+def near(phi: NDArray[np.float32], distance: NDArray[np.float32], reach: float = REACH) -> NDArray[np.float32]:
+    """Clamp a level set to a distance plus and minus the reach."""
     return np.asarray(np.clip(phi, distance - np.float32(reach), distance + np.float32(reach)), dtype=np.float32)
 
 
