@@ -164,6 +164,7 @@ class VtsWriter:
             raise InputError(f"expected {name} of shape {shape}, got {np.shape(values)}")
         if not 0 <= first <= first + shape[-3] <= missing.size:
             raise InputError(f"expected layers up to {missing.size} of {name}, got {first} to {first + shape[-3]}")
+
     def _check_complete(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
