@@ -7,30 +7,6 @@
 #define ENTRIES 243
 #define TILE(i) (((size_t)(i) >> 3) * ENTRIES * 8 + ((i) & 7))
 
-// Adds what the elements give their nodes (3, 8, m) for a displacement of 1 along `column` of the nodes of one parity in
-// u, v, w (bits 1, 2, 4), of which each element has one.
-__kernel void add_forces(__global const real *forces, int n_u, int n_v, int n_w, int parity, int column,
-                         __global const real *free, __global real *stencil)
-{
-    int n = n_u * n_v * n_w, i = get_global_id(0), m = (n_u - 1) * (n_v - 1) * (n_w - 1);
-    if (i >= n)
-        return;
-    int u = i % n_u, v = i / n_u % n_v, w = i / n_u / n_v;
-    for (int corner = 0; corner < 8; corner++) {
-        int eu = u - (corner & 1), ev = v - (corner >> 1 & 1), ew = w - (corner >> 2);
-        if (eu < 0 || ev < 0 || ew < 0 || eu >= n_u - 1 || ev >= n_v - 1 || ew >= n_w - 1)
-            continue;
-        int du = eu + ((eu ^ parity) & 1) - u, dv = ev + ((ev ^ parity >> 1) & 1) - v, dw = ew + ((ew ^ parity >> 2) & 1) - w;
-        int other = i + du + n_u * (dv + n_v * dw), o = (du + 1) + 3 * (dv + 1) + 9 * (dw + 1);
-        int vertex = (corner & 4) + ((corner & 2) ? 3 - (corner & 1) : (corner & 1));
-        for (int row = 0; row < 3; row++) {
-            size_t at = (size_t)(8 * row + vertex) * m + (ew * (n_v - 1) + ev) * (n_u - 1) + eu;
-            real both = free[(size_t)row * n + i] * free[(size_t)column * n + other];
-            stencil[TILE(i) + 8 * (9 * o + 3 * row + column)] += both * forces[at];
-        }
-    }
-}
-
 inline void product(int i, __global const real *stencil, __global const real *x, int n_u, int n_v, int pitch, realv *y)
 {
     stencil += TILE(i);
@@ -62,29 +38,63 @@ void defect(__global const real *stencil, __global const real *b, __global const
     }
 }
 
-// A step of Richardson's iteration: out = keep x + step B (b - S x), B the inverse (6, n) of the nodes' own blocks. Where
-// `still` is 1, x is 0.
+// A step of Richardson's iteration at node i: out = keep x + step B (b - y), B the inverse (6, n) of the nodes' own blocks.
+// Where `still` is not 0, x is 0.
+inline void relaxed(int i, __global const real *inverse, __global const real *b, __global const real *x, const realv *y,
+                    int still, real keep, real step, int n, int pad, __global real *out)
+{
+    size_t pitch = n + pad;
+    realv z[3], r[3];
+    for (int c = 0; c < 3; c++)
+        r[c] = load(b, pad + c * pitch + i) - y[c];
+    realv yz = load(inverse, 3 * (size_t)n + i), xz = load(inverse, 4 * (size_t)n + i);
+    realv xy = load(inverse, 5 * (size_t)n + i);
+    z[0] = load(inverse, i) * r[0] + xy * r[1] + xz * r[2];
+    z[1] = xy * r[0] + load(inverse, n + i) * r[1] + yz * r[2];
+    z[2] = xz * r[0] + yz * r[1] + load(inverse, 2 * (size_t)n + i) * r[2];
+    for (int c = 0; c < 3; c++) {
+        size_t at = pad + c * pitch + i;
+        store(still ? step * z[c] : keep * load(x, at) + step * z[c], out, at, n - i);
+    }
+}
+
+// That step with y = S x.
 __kernel __attribute__((vec_type_hint(realv)))
 void smooth(__global const real *stencil, __global const real *inverse, __global const real *b, __global const real *x,
             int still, real keep, real step, int n_u, int n_v, int n, int pad, __global real *out)
 {
-    size_t pitch = n + pad;
     FOR_LANES(i, n) {
-        realv y[3] = {0, 0, 0}, z[3];
+        realv y[3] = {0, 0, 0};
         if (!still)
-            product(i, stencil, x + pad, n_u, n_v, pitch, y);
-        for (int c = 0; c < 3; c++)
-            y[c] = load(b, pad + c * pitch + i) - y[c];
-        realv yz = load(inverse, 3 * (size_t)n + i), xz = load(inverse, 4 * (size_t)n + i);
-        realv xy = load(inverse, 5 * (size_t)n + i);
-        z[0] = load(inverse, i) * y[0] + xy * y[1] + xz * y[2];
-        z[1] = xy * y[0] + load(inverse, n + i) * y[1] + yz * y[2];
-        z[2] = xz * y[0] + yz * y[1] + load(inverse, 2 * (size_t)n + i) * y[2];
-        for (int c = 0; c < 3; c++) {
-            size_t at = pad + c * pitch + i;
-            store(still ? step * z[c] : keep * load(x, at) + step * z[c], out, at, n - i);
-        }
+            product(i, stencil, x + pad, n_u, n_v, n + pad, y);
+        relaxed(i, inverse, b, x, y, still, keep, step, n, pad, out);
     }
+}
+
+// That step with a y (3, n) that is known.
+__kernel __attribute__((vec_type_hint(realv)))
+void relax(__global const real *known, __global const real *inverse, __global const real *b, __global const real *x,
+           int still, real keep, real step, int n, __global real *out)
+{
+    FOR_LANES(i, n) {
+        realv y[3] = {0, 0, 0};
+        for (int c = 0; c < 3 && !still; c++)
+            y[c] = load(known, c * (size_t)n + i);
+        relaxed(i, inverse, b, x, y, still, keep, step, n, 0, out);
+    }
+}
+
+// Sets the entries of one column for the neighbours whose place is `at_u`, `at_v`, `at_w` modulo 3, of which each node has
+// one: y is the product with a vector that is 1 there and 0 elsewhere. Launched over (n_w, n_v, n_u).
+__kernel void set_column(__global const real *y, int n_u, int n_v, int n, int pad, int at_u, int at_v, int at_w, int column,
+                         __global real *stencil)
+{
+    int u = get_global_id(0), v = get_global_id(1), w = get_global_id(2), i = u + n_u * (v + n_v * w);
+    if (u >= n_u)
+        return;
+    int o = (at_u - u % 3 + 4) % 3 + 3 * ((at_v - v % 3 + 4) % 3) + 9 * ((at_w - w % 3 + 4) % 3);
+    for (int row = 0; row < 3; row++)
+        stencil[TILE(i) + 8 * (9 * o + 3 * row + column)] = y[pad + row * (size_t)(n + pad) + i];
 }
 
 // Blocks (6, n) of the nodes with themselves: xx, yy, zz, yz, xz, xy.
@@ -141,44 +151,60 @@ __kernel void coarsen(__global const real *stencil, int n_u, int n_v, int n_w, i
         coarse[TILE(I) + 8 * (9 * o + entry)] = sum[entry];
 }
 
-// coarse = P^T fine; launched over (3, coarse nodes).
+// coarse = P^T fine; launched over the coarse nodes (w, v, u).
 __kernel void restrict_vector(__global const real *fine, int n_u, int n_v, int n, int fine_pad, int c_u, int c_v,
                               int n_coarse, int pad, __global const int *centre, __global const real *side,
-                              __global const real *free, __global real *coarse)
+                              __global real *coarse)
 {
-    int I = get_global_id(0), c = get_global_id(1);
-    if (I >= n_coarse)
+    int u = get_global_id(0), v = get_global_id(1), w = get_global_id(2), first_w = c_u + c_v + w, first_v = c_u + v;
+    if (u >= c_u)
         return;
-    int u = I % c_u, v = c_u + I / c_u % c_v, w = c_u + c_v + I / c_u / c_v;
-    real sum = 0;
-    for (int q = 0; q < 27; q++) {
-        int fu = centre[u] + q % 3 - 1, fv = centre[v] + q / 3 % 3 - 1, fw = centre[w] + q / 9 - 1;
-        real value = weight(u, centre, side, fu) * weight(v, centre, side, fv) * weight(w, centre, side, fw);
-        if (value != 0) {
-            int i = fu + n_u * (fv + n_v * fw);
-            sum += value * free[(size_t)c * n + i] * fine[fine_pad + c * (size_t)(n + fine_pad) + i];
+    size_t pitch = n + fine_pad;
+    real before = side[2 * u], after = side[2 * u + 1], sum[3] = {0, 0, 0};
+    for (int dw = -1; dw <= 1; dw++) {
+        real of_w = weight(first_w, centre, side, centre[first_w] + dw);
+        for (int dv = -1; dv <= 1; dv++) {
+            real value = of_w * weight(first_v, centre, side, centre[first_v] + dv);
+            if (value == 0)
+                continue;
+            int row = n_u * (centre[first_v] + dv + n_v * (centre[first_w] + dw)) + centre[u];
+            for (int c = 0; c < 3; c++) {
+                __global const real *from = fine + fine_pad + c * pitch + row;
+                real along = from[0];
+                if (before != 0)
+                    along += before * from[-1];
+                if (after != 0)
+                    along += after * from[1];
+                sum[c] += value * along;
+            }
         }
     }
-    coarse[pad + c * (size_t)(n_coarse + pad) + I] = sum;
+    for (int c = 0; c < 3; c++)
+        coarse[pad + c * (size_t)(n_coarse + pad) + u + c_u * (v + c_v * w)] = sum[c];
 }
 
 // fine += P coarse; `below` is the last coarse node at or before each fine one of a direction, `above` the share of the
-// next; launched over (3, n).
+// next; launched over the fine nodes (w, v, u).
 __kernel void prolong(__global const real *coarse, int c_u, int c_v, int n_coarse, int pad, __global const int *below,
                       __global const real *above, __global const real *free, int n_u, int n_v, int n, int fine_pad,
                       __global real *fine)
 {
-    int i = get_global_id(0), c = get_global_id(1);
-    if (i >= n)
+    int u = get_global_id(0), v = get_global_id(1), w = get_global_id(2), i = u + n_u * (v + n_v * w);
+    if (u >= n_u)
         return;
-    int u = i % n_u, v = n_u + i / n_u % n_v, w = n_u + n_v + i / n_u / n_v;
-    real sum = 0;
-    coarse += pad + c * (size_t)(n_coarse + pad);
-    for (int q = 0; q < 8; q++) {
-        int du = q & 1, dv = q >> 1 & 1, dw = q >> 2;
-        real value = (du ? above[u] : 1 - above[u]) * (dv ? above[v] : 1 - above[v]) * (dw ? above[w] : 1 - above[w]);
-        if (value != 0)
-            sum += value * coarse[below[u] + du + c_u * (below[v] + dv + c_v * (below[w] + dw))];
+    size_t pitch = n_coarse + pad;
+    real share = above[u], sum[3] = {0, 0, 0};
+    for (int q = 0; q < 4; q++) {
+        int dv = q & 1, dw = q >> 1;
+        real of_v = above[n_u + v], of_w = above[n_u + n_v + w], value = (dv ? of_v : 1 - of_v) * (dw ? of_w : 1 - of_w);
+        if (value == 0)
+            continue;
+        int at = below[u] + c_u * (below[n_u + v] + dv + c_v * (below[n_u + n_v + w] + dw));
+        for (int c = 0; c < 3; c++) {
+            __global const real *from = coarse + pad + c * pitch + at;
+            sum[c] += value * (from[0] + share * (from[1] - from[0]));
+        }
     }
-    fine[fine_pad + c * (size_t)(n + fine_pad) + i] += free[(size_t)c * n + i] * sum;
+    for (int c = 0; c < 3; c++)
+        fine[fine_pad + c * (size_t)(n + fine_pad) + i] += free[(size_t)c * n + i] * sum[c];
 }

@@ -9,6 +9,10 @@ from typing import Any
 
 import warp as wp
 
+from gpubspline.kernels.lanes import FUSED, LaneArray
+
+REGISTER = 32  # bytes: the lanes of a vector must divide a tile
+
 
 @wp.func
 def tile(i: wp.int32):
@@ -16,100 +20,95 @@ def tile(i: wp.int32):
     return wp.int64(i >> 3) * wp.int64(1944) + wp.int64(i & 7)
 
 
-@wp.kernel(enable_backward=False, module="unique")
-def add_forces(
-    forces: wp.array(dtype=Any),
+@wp.func
+def product(i: wp.int32, stencil: LaneArray, x: LaneArray, n_u: wp.int32, n_v: wp.int32, n: wp.int32, pad: wp.int32):
+    """S x at the nodes from i on, a component after the other."""
+    entry = tile(i)
+    y0 = x.dtype(type(x[0][0])(0.0))
+    y1 = x.dtype(type(x[0][0])(0.0))
+    y2 = x.dtype(type(x[0][0])(0.0))
+    for dw in range(-1, 2):
+        for dv in range(-1, 2):
+            at = pad + i + n_u * (dv + n_v * dw) - 1
+            for _du in range(3):
+                for column in range(3):
+                    value = x[at + column * (n + pad)]
+                    y0 = y0 + wp.cw_mul(stencil[entry], value)
+                    y1 = y1 + wp.cw_mul(stencil[entry + wp.int64(24)], value)
+                    y2 = y2 + wp.cw_mul(stencil[entry + wp.int64(48)], value)
+                    entry = entry + wp.int64(8)
+                entry = entry + wp.int64(48)
+                at = at + 1
+    return y0, y1, y2
+
+
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
+def defect(
+    stencil: LaneArray,
+    b: LaneArray,
+    x: LaneArray,
     n_u: wp.int32,
     n_v: wp.int32,
-    n_w: wp.int32,
-    parity: wp.int32,
-    column: wp.int32,
-    free: wp.array(dtype=Any),
-    stencil: wp.array(dtype=Any),
+    n: wp.int32,
+    pad: wp.int32,
+    r: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
-    """Add what the elements give their nodes (3, 8, m) for a displacement of 1 along ``column``.
-
-    It is that of the nodes of one parity in u, v, w (bits 1, 2, 4), of which each element has one.
-    """
-    i = wp.tid() + first
-    n = n_u * n_v * n_w
-    m = (n_u - 1) * (n_v - 1) * (n_w - 1)
-    u = i % n_u
-    v = i // n_u % n_v
-    w = i // n_u // n_v
-    for corner in range(8):
-        eu = u - (corner & 1)
-        ev = v - ((corner >> 1) & 1)
-        ew = w - (corner >> 2)
-        if eu >= 0 and ev >= 0 and ew >= 0 and eu < n_u - 1 and ev < n_v - 1 and ew < n_w - 1:
-            du = eu + ((eu ^ parity) & 1) - u
-            dv = ev + ((ev ^ (parity >> 1)) & 1) - v
-            dw = ew + ((ew ^ (parity >> 2)) & 1) - w
-            other = i + du + n_u * (dv + n_v * dw)
-            o = (du + 1) + 3 * (dv + 1) + 9 * (dw + 1)
-            vertex = (corner & 4) + wp.where((corner & 2) > 0, 3 - (corner & 1), corner & 1)
-            for row in range(3):
-                at = (8 * row + vertex) * m + (ew * (n_v - 1) + ev) * (n_u - 1) + eu
-                both = free[row * n + i] * free[column * n + other]
-                to = tile(i) + wp.int64(8 * (9 * o + 3 * row + column))
-                stencil[to] = stencil[to] + both * forces[at]
+    """Write r = b - S x; launched over as many nodes as tiles hold, of which those past the last have only zeros."""
+    i = (wp.tid() + first) * lanes
+    y0, y1, y2 = product(i, stencil, x, n_u, n_v, n, pad)
+    at = pad + i
+    r[at] = b[at] - y0
+    at = at + n + pad
+    r[at] = b[at] - y1
+    at = at + n + pad
+    r[at] = b[at] - y2
 
 
 @wp.func
-def product(
+def relaxed(
     i: wp.int32,
-    stencil: wp.array(dtype=Any),
-    x: wp.array(dtype=Any),
-    n_u: wp.int32,
-    n_v: wp.int32,
+    inverse: LaneArray,
+    b: LaneArray,
+    x: LaneArray,
+    y0: Any,
+    y1: Any,
+    y2: Any,
+    still: wp.int32,
+    keep: Any,
+    step: Any,
     n: wp.int32,
     pad: wp.int32,
+    out: LaneArray,
 ):
-    begin = tile(i)
-    y0 = x.dtype(0.0)
-    y1 = x.dtype(0.0)
-    y2 = x.dtype(0.0)
-    for o in range(27):
-        du = o % 3 - 1
-        dv = o // 3 % 3 - 1
-        dw = o // 9 - 1
-        at = pad + i + du + n_u * (dv + n_v * dw)
-        for column in range(3):
-            value = x[at + column * (n + pad)]
-            entry = begin + wp.int64(8 * (9 * o + column))
-            y0 = y0 + stencil[entry] * value
-            y1 = y1 + stencil[entry + wp.int64(24)] * value
-            y2 = y2 + stencil[entry + wp.int64(48)] * value
-    return wp.vector(y0, y1, y2)
+    """Make the step at nodes from i on: out = keep x + step B (b - y)."""
+    pitch = n + pad
+    at = pad + i
+    r0 = b[at] - y0
+    r1 = b[at + pitch] - y1
+    r2 = b[at + 2 * pitch] - y2
+    yz = inverse[3 * n + i]
+    xz = inverse[4 * n + i]
+    xy = inverse[5 * n + i]
+    z0 = step * (wp.cw_mul(inverse[i], r0) + wp.cw_mul(xy, r1) + wp.cw_mul(xz, r2))
+    z1 = step * (wp.cw_mul(xy, r0) + wp.cw_mul(inverse[n + i], r1) + wp.cw_mul(yz, r2))
+    z2 = step * (wp.cw_mul(xz, r0) + wp.cw_mul(yz, r1) + wp.cw_mul(inverse[2 * n + i], r2))
+    if still == 0:
+        z0 = keep * x[at] + z0
+        z1 = keep * x[at + pitch] + z1
+        z2 = keep * x[at + 2 * pitch] + z2
+    out[at] = z0
+    out[at + pitch] = z1
+    out[at + 2 * pitch] = z2
 
 
-@wp.kernel(enable_backward=False, module="unique")
-def defect(
-    stencil: wp.array(dtype=Any),
-    b: wp.array(dtype=Any),
-    x: wp.array(dtype=Any),
-    n_u: wp.int32,
-    n_v: wp.int32,
-    n: wp.int32,
-    pad: wp.int32,
-    r: wp.array(dtype=Any),
-    first: wp.int32,
-):
-    """Write r = b - S x."""
-    i = wp.tid() + first
-    y = product(i, stencil, x, n_u, n_v, n, pad)
-    for c in range(3):
-        at = pad + c * (n + pad) + i
-        r[at] = b[at] - y[c]
-
-
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
 def smooth(
-    stencil: wp.array(dtype=Any),
-    inverse: wp.array(dtype=Any),
-    b: wp.array(dtype=Any),
-    x: wp.array(dtype=Any),
+    stencil: LaneArray,
+    inverse: LaneArray,
+    b: LaneArray,
+    x: LaneArray,
     still: wp.int32,
     keep: Any,
     step: Any,
@@ -117,36 +116,74 @@ def smooth(
     n_v: wp.int32,
     n: wp.int32,
     pad: wp.int32,
-    out: wp.array(dtype=Any),
+    out: LaneArray,
     first: wp.int32,
+    lanes: wp.int32,
 ):
-    """A step of Richardson's iteration: out = keep x + step B (b - S x).
+    """A step of Richardson's iteration: out = keep x + step B (b - S x); launched as ``defect`` is.
 
     B is the inverse (6, n) of the nodes' own blocks. Where ``still`` is 1, x is 0.
     """
-    i = wp.tid() + first
-    pitch = n + pad
-    none = out.dtype(0.0)
-    y = wp.vector(none, none, none)
+    i = (wp.tid() + first) * lanes
+    y0 = x.dtype(type(x[0][0])(0.0))
+    y1 = x.dtype(type(x[0][0])(0.0))
+    y2 = x.dtype(type(x[0][0])(0.0))
     if still == 0:
-        y = product(i, stencil, x, n_u, n_v, n, pad)
-    y0 = b[pad + i] - y[0]
-    y1 = b[pad + pitch + i] - y[1]
-    y2 = b[pad + 2 * pitch + i] - y[2]
-    yz = inverse[3 * n + i]
-    xz = inverse[4 * n + i]
-    xy = inverse[5 * n + i]
-    z = wp.vector(
-        inverse[i] * y0 + xy * y1 + xz * y2,
-        xy * y0 + inverse[n + i] * y1 + yz * y2,
-        xz * y0 + yz * y1 + inverse[2 * n + i] * y2,
-    )
-    for c in range(3):
-        at = pad + c * pitch + i
-        if still == 1:
-            out[at] = step * z[c]
-        else:
-            out[at] = keep * x[at] + step * z[c]
+        y0, y1, y2 = product(i, stencil, x, n_u, n_v, n, pad)
+    relaxed(i, inverse, b, x, y0, y1, y2, still, keep, step, n, pad, out)
+
+
+@wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 1, "cpu_compiler_flags": FUSED})
+def relax(
+    known: LaneArray,
+    inverse: LaneArray,
+    b: LaneArray,
+    x: LaneArray,
+    still: wp.int32,
+    keep: Any,
+    step: Any,
+    n: wp.int32,
+    out: LaneArray,
+    first: wp.int32,
+    lanes: wp.int32,
+):
+    """Make that step with a y (3, n) that is ``known``, and no ``pad``."""
+    i = wp.min((wp.tid() + first) * lanes, n - lanes)
+    y0 = x.dtype(type(x[0][0])(0.0))
+    y1 = x.dtype(type(x[0][0])(0.0))
+    y2 = x.dtype(type(x[0][0])(0.0))
+    if still == 0:
+        y0 = known[i]
+        y1 = known[n + i]
+        y2 = known[2 * n + i]
+    relaxed(i, inverse, b, x, y0, y1, y2, still, keep, step, n, 0, out)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def set_column(
+    y: wp.array(dtype=Any),
+    n_u: wp.int32,
+    n_v: wp.int32,
+    n: wp.int32,
+    pad: wp.int32,
+    at_u: wp.int32,
+    at_v: wp.int32,
+    at_w: wp.int32,
+    column: wp.int32,
+    stencil: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """Set the entries of one column for the neighbours whose place is ``at_u``, ``at_v``, ``at_w`` modulo 3.
+
+    Each node has one of them: y is the product with a vector that is 1 there and 0 elsewhere. Launched over
+    (n_w, n_v, n_u).
+    """
+    tid_w, v, u = wp.tid()
+    w = tid_w + first
+    i = u + n_u * (v + n_v * w)
+    o = (at_u - u % 3 + 4) % 3 + 3 * ((at_v - v % 3 + 4) % 3) + 9 * ((at_w - w % 3 + 4) % 3)
+    for row in range(3):
+        stencil[tile(i) + wp.int64(8 * (9 * o + 3 * row + column))] = y[pad + row * (n + pad) + i]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -244,26 +281,34 @@ def restrict_vector(
     pad: wp.int32,
     centre: wp.array(dtype=wp.int32),
     side: wp.array(dtype=Any),
-    free: wp.array(dtype=Any),
     coarse: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Write coarse = P^T fine; launched over (3, coarse nodes)."""
-    tid_c, node = wp.tid()
-    c = tid_c + first
-    u = node % c_u
-    v = c_u + node // c_u % c_v
-    w = c_u + c_v + node // c_u // c_v
-    total = coarse.dtype(0.0)
-    for q in range(27):
-        fu = centre[u] + q % 3 - 1
-        fv = centre[v] + q // 3 % 3 - 1
-        fw = centre[w] + q // 9 - 1
-        value = weight(u, centre, side, fu) * weight(v, centre, side, fv) * weight(w, centre, side, fw)
-        if value != coarse.dtype(0.0):
-            i = fu + n_u * (fv + n_v * fw)
-            total = total + value * free[c * n + i] * fine[fine_pad + c * (n + fine_pad) + i]
-    coarse[pad + c * (n_coarse + pad) + node] = total
+    """Write coarse = P^T fine; launched over the coarse nodes (w, v, u)."""
+    tid_w, v, u = wp.tid()
+    w = tid_w + first
+    first_w = c_u + c_v + w
+    first_v = c_u + v
+    none = coarse.dtype(0.0)
+    before = side[2 * u]
+    after = side[2 * u + 1]
+    total = wp.vector(none, none, none)
+    for dw in range(-1, 2):
+        of_w = weight(first_w, centre, side, centre[first_w] + dw)
+        for dv in range(-1, 2):
+            value = of_w * weight(first_v, centre, side, centre[first_v] + dv)
+            if value != none:
+                row = fine_pad + n_u * (centre[first_v] + dv + n_v * (centre[first_w] + dw)) + centre[u]
+                for c in range(3):
+                    at = row + c * (n + fine_pad)
+                    along = fine[at]
+                    if before != none:
+                        along = along + before * fine[at - 1]
+                    if after != none:
+                        along = along + after * fine[at + 1]
+                    total[c] = total[c] + value * along
+    for c in range(3):
+        coarse[pad + c * (n_coarse + pad) + u + c_u * (v + c_v * w)] = total[c]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -283,25 +328,28 @@ def prolong(
     fine: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Add P coarse to fine; launched over (3, n).
+    """Add P coarse to fine; launched over the fine nodes (w, v, u).
 
     ``below`` is the last coarse node at or before each fine one of a direction, ``above`` the share of the next.
     """
-    tid_c, i = wp.tid()
-    c = tid_c + first
-    u = i % n_u
-    v = n_u + i // n_u % n_v
-    w = n_u + n_v + i // n_u // n_v
+    tid_w, v, u = wp.tid()
+    w = tid_w + first
+    i = u + n_u * (v + n_v * w)
     one = fine.dtype(1.0)
-    total = fine.dtype(0.0)
-    for q in range(8):
-        du = q & 1
-        dv = (q >> 1) & 1
-        dw = q >> 2
-        value = wp.where(du > 0, above[u], one - above[u]) * wp.where(dv > 0, above[v], one - above[v])
-        value = value * wp.where(dw > 0, above[w], one - above[w])
-        if value != fine.dtype(0.0):
-            at = below[u] + du + c_u * (below[v] + dv + c_v * (below[w] + dw))
-            total = total + value * coarse[pad + c * (n_coarse + pad) + at]
-    to = fine_pad + c * (n + fine_pad) + i
-    fine[to] = fine[to] + free[c * n + i] * total
+    none = fine.dtype(0.0)
+    share = above[u]
+    of_v = above[n_u + v]
+    of_w = above[n_u + n_v + w]
+    total = wp.vector(none, none, none)
+    for q in range(4):
+        dv = q & 1
+        dw = q >> 1
+        value = wp.where(dv > 0, of_v, one - of_v) * wp.where(dw > 0, of_w, one - of_w)
+        if value != none:
+            at = pad + below[u] + c_u * (below[n_u + v] + dv + c_v * (below[n_u + n_v + w] + dw))
+            for c in range(3):
+                here = coarse[at + c * (n_coarse + pad)]
+                total[c] = total[c] + value * (here + share * (coarse[at + c * (n_coarse + pad) + 1] - here))
+    for c in range(3):
+        to = fine_pad + c * (n + fine_pad) + i
+        fine[to] = fine[to] + free[c * n + i] * total[c]

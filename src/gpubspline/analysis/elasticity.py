@@ -14,7 +14,6 @@ from scipy import sparse
 
 from gpubspline.analysis.corners import corners
 from gpubspline.analysis.krylov import Operator, Progress, Vectors, conjugate_gradients
-from gpubspline.analysis.multigrid import DIRECT
 from gpubspline.analysis.multilevel import multilevel
 from gpubspline.analysis.stiffness import Stiffness, stiffness
 from gpubspline.device import Buffer, Device, open_device
@@ -24,6 +23,8 @@ from gpubspline.mesh.mesh import Mesh
 
 LIMIT = 20_000
 """Iterations after which a solve has failed."""
+SMALL = 500
+"""Nodes that their own blocks precondition well enough."""
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -113,7 +114,7 @@ def solve(
 
 def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device: Device) -> Operator:
     """Multigrid, of grids where the mesh is structured, else of aggregates; the nodes' own blocks of a small mesh."""
-    if mesh.n_nodes <= DIRECT:
+    if mesh.n_nodes <= SMALL:
         blocks = k.inverse_blocks(free)
 
         def multiply(r: Buffer, out: Buffer) -> None:
@@ -127,8 +128,8 @@ def _preconditioner(mesh: Mesh, k: Stiffness, held: Flags, free: Buffer, device:
     grids = multilevel(without_orthotropy(mesh), held, device, k.modulus, like)
 
     def cycle(r: Buffer, out: Buffer) -> None:
-        correction = grids.cycle(np.reshape(k.device.get(r), (3, -1))).astype(np.float64)
-        Vectors(k.device, correction.size).combine(k.device.put(np.ascontiguousarray(correction)), 1.0, 0.0, out)
+        correction = k.device.put(grids.cycle(np.reshape(k.device.get(r), (3, -1))))
+        Vectors(k.device, 3 * k.n_nodes).combine(correction, 1.0, 0.0, out)
 
     return cycle
 

@@ -1,20 +1,22 @@
 """Multigrid for structured hex8 meshes, the preconditioner whose iterations hardly grow with refinement.
 
-The stiffness is gathered into one 3 x 3 block for each pair of neighbouring nodes; coarse grids take every second node
-of the directions in which nodes lie close, and their matrices are P^T S P with linear interpolation P in the grid's
-indices, so that they are positive definite whatever the shape of coarse elements. Each grid is smoothed by Chebyshev's
-iteration over the nodes' own blocks; the coarsest is solved directly. All of it may be in float32: it only steers the
-conjugate gradients, which work in float64.
+The finest grid is the elements themselves, whose matrix is never formed. Coarse grids take every second node of the
+directions in which nodes lie close, and have one 3 x 3 block for each pair of neighbouring nodes. Their matrices are
+P^T S P with linear interpolation P in the grid's indices, so that they are positive definite whatever the shape of
+coarse elements. Each grid is smoothed by Chebyshev's iteration over the nodes' own blocks; the coarsest is solved
+directly. All of it may be in float32: it only steers the conjugate gradients, which work in float64.
 """
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
+from gpubspline.analysis.banded import Banded, banded, bandwidth
 from gpubspline.analysis.krylov import Vectors
 from gpubspline.analysis.stiffness import Stiffness
 from gpubspline.device import Buffer, Device
@@ -30,10 +32,13 @@ CYCLES = 2
 """Of each grid after the first, for one of the grid before it, where there are more than"""
 FEW = 4
 """grids."""
-DIRECT = 500
-"""Nodes that are solved directly."""
+DIRECT = 2_000_000
+"""Numbers in the band of a matrix that is solved directly."""
 CLOSE = 1.7
 """Directions are coarsened whose nodes lie closer than this, times the closest direction."""
+
+TILE = 8
+"""Nodes whose blocks lie together."""
 
 Counts = tuple[int, int, int]
 
@@ -48,6 +53,7 @@ class Transfer:
     centre: of each coarse node the fine one at its place.
     side: of each coarse node the values of its function at the fine nodes before and after it.
     below, above: of each fine node the coarse one at or before it, and the share of the one after.
+    functions: of each direction the values (fine, coarse) of coarse nodes' functions, on the host.
     """
 
     counts: Counts
@@ -55,19 +61,19 @@ class Transfer:
     side: Buffer
     below: Buffer
     above: Buffer
+    functions: list[NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
-    """One level: its matrix, its vectors and the way to the next coarser grid."""
+class Grid(ABC):
+    """One level: the inverse (6, n) of its nodes' own blocks, its vectors and the way to the next coarser grid."""
 
     device: Device
     counts: Counts
-    stencil: Buffer
     inverse: Buffer
     free: Buffer
-    largest: float
     transfer: Transfer | None
+    largest: float
 
     @property
     def n(self) -> int:
@@ -77,7 +83,7 @@ class Grid:
     @property
     def pad(self) -> int:
         """Zeros before and after each plane of a vector."""
-        return self.counts[0] * self.counts[1] + self.counts[0] + 1
+        return 0
 
     @property
     def padded(self) -> int:
@@ -103,9 +109,13 @@ class Grid:
             self.step(b, x, d, 1 / root, still=still and number == 0)
             x, d = d, x
 
+    @abstractmethod
+    def step(self, b: Buffer, x: Buffer, out: Buffer, step: float, keep: float = 1.0, still: bool = False) -> None:
+        """Out = keep x + step B (b - S x); where ``still``, x is 0."""
+
+    @abstractmethod
     def defect(self, b: Buffer, x: Buffer, r: Buffer) -> None:
         """R = b - S x."""
-        self.device.launch("stencil.defect", self.n, self.stencil, b, x, *self.counts[:2], self.n, self.pad, r)
 
     def read(self, vector: Buffer) -> NDArray[Any]:
         """Components (3, n) of a vector."""
@@ -120,22 +130,68 @@ class Grid:
     def _planes(self, flat: NDArray[Any]) -> NDArray[Any]:
         return flat[self.pad :].reshape(3, self.n + self.pad)[:, : self.n]
 
+
+@dataclass(frozen=True, eq=False)
+class Elements(Grid):
+    """The finest grid."""
+
+    k: Stiffness
+
+    def step(self, b: Buffer, x: Buffer, out: Buffer, step: float, keep: float = 1.0, still: bool = False) -> None:
+        """Out = keep x + step B (b - K x); where ``still``, x is 0."""
+        y = self.vectors[3]
+        if not still:
+            self.k.apply(x, self.free, y)
+        how = (int(still), keep, float(step), self.n, out)
+        self.device.launch("stencil.relax", self.n, y, self.inverse, b, x, *how)
+
+    def defect(self, b: Buffer, x: Buffer, r: Buffer) -> None:
+        """R = b - K x."""
+        self.k.apply(x, self.free, r)
+        self.device.launch("vectors.combine", self.padded, b, 1.0, -1.0, self.padded, r)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks(Grid):
+    """A coarse grid, of 27 blocks a node; see ``stencil.py``."""
+
+    stencil: Buffer
+
+    @property
+    def pad(self) -> int:
+        """Zeros before and after each plane of a vector."""
+        return _pad(self.counts)
+
     def step(self, b: Buffer, x: Buffer, out: Buffer, step: float, keep: float = 1.0, still: bool = False) -> None:
         """Out = keep x + step B (b - S x); where ``still``, x is 0."""
         how = (int(still), keep, float(step), *self.counts[:2], self.n, self.pad, out)
-        self.device.launch("stencil.smooth", self.n, self.stencil, self.inverse, b, x, *how)
+        self.device.launch("stencil.smooth", _whole_tiles(self.n), self.stencil, self.inverse, b, x, *how)
+
+    def defect(self, b: Buffer, x: Buffer, r: Buffer) -> None:
+        """R = b - S x."""
+        how = (*self.counts[:2], self.n, self.pad, r)
+        self.device.launch("stencil.defect", _whole_tiles(self.n), self.stencil, b, x, *how)
 
 
-def _stencil_size(counts: Counts) -> int:
-    return -(-int(np.prod(counts)) // 8) * 8 * 243
+def _pad(counts: Counts) -> int:
+    """As far as neighbours lie, and a tile."""
+    return counts[0] * counts[1] + counts[0] + TILE
+
+
+def _whole_tiles(n: int) -> int:
+    return -(-n // TILE) * TILE
+
+
+def _stencil(device: Device, counts: Counts) -> Buffer:
+    return device.put(np.zeros(243 * _whole_tiles(int(np.prod(counts))), device.real))
 
 
 @dataclass(frozen=True, eq=False)
 class Multigrid:
-    """Grids from fine to coarse, and the inverse (3 n, 3 n) of the coarsest's matrix."""
+    """Grids from fine to coarse, and the factor of the coarsest's matrix."""
 
     grids: list[Grid]
-    coarsest: NDArray[Any]
+    coarsest: Banded
 
     def cycle(self, r: NDArray[Any]) -> NDArray[Any]:
         """Apply one V-cycle to a residual (3, n); gives the correction (3, n)."""
@@ -153,7 +209,7 @@ class Multigrid:
         cycles = CYCLES if level and len(self.grids) > FEW else 1
         if level == len(self.grids) - 1:
             b, x, *_ = grid.vectors
-            grid.write(x, (self.coarsest @ grid.read(b).ravel()).reshape(3, -1))
+            grid.write(x, self.coarsest.solve(grid.read(b)))
             return
         for cycle in range(cycles):
             grid.smooth(still=cycle == 0)
@@ -165,20 +221,23 @@ class Multigrid:
 
 def _restrict(grid: Grid, coarser: Grid) -> None:
     b, x, _, r = grid.vectors
-    way = grid.transfer
-    assert way is not None
     grid.defect(b, x, r)
-    fine, coarse = (*grid.counts[:2], grid.n, grid.pad), (*coarser.counts[:2], coarser.n, coarser.pad)
-    where = (way.centre, way.side, grid.free, coarser.vectors[0])
-    grid.device.launch("stencil.restrict_vector", (3, coarser.n), r, *fine, *coarse, *where)
+    assert grid.transfer is not None
+    _restrict_vector(grid, r, grid.transfer, coarser.vectors[0])
+
+
+def _restrict_vector(grid: Grid, r: Buffer, way: Transfer, out: Buffer) -> None:
+    fine, coarse = (*grid.counts[:2], grid.n, grid.pad), (*way.counts[:2], int(np.prod(way.counts)), _pad(way.counts))
+    how = (*fine, *coarse, way.centre, way.side, out)
+    grid.device.launch("stencil.restrict_vector", way.counts[::-1], r, *how)
 
 
 def _prolong(coarser: Grid, grid: Grid) -> None:
     way = grid.transfer
     assert way is not None
     coarse, fine = (*coarser.counts[:2], coarser.n, coarser.pad), (*grid.counts[:2], grid.n, grid.pad)
-    where = (way.below, way.above, grid.free)
-    grid.device.launch("stencil.prolong", (3, grid.n), coarser.vectors[1], *coarse, *where, *fine, grid.vectors[1])
+    how = (*coarse, way.below, way.above, grid.free, *fine, grid.vectors[1])
+    grid.device.launch("stencil.prolong", grid.counts[::-1], coarser.vectors[1], *how)
 
 
 def multigrid(k: Stiffness, counts: Counts, points: NDArray[Any], held: NDArray[np.bool_]) -> Multigrid:
@@ -190,57 +249,71 @@ def multigrid(k: Stiffness, counts: Counts, points: NDArray[Any], held: NDArray[
     counts: nodes per direction; points: (n, 3), mm; held: (n, 3), which directions are.
     """
     free = k.device.put(np.ascontiguousarray(~held.T, dtype=np.float64))
-    stencil = _assemble(k, counts, free)
-    spacing = _spacing(counts, points)
-    grids: list[Grid] = []
-    while True:
-        way, spacing = _transfer(k.device, counts, spacing)
-        grids.append(_grid(k.device, counts, stencil, way))
-        if way is None:
-            break
-        stencil = _coarsen(grids[-1], way)
+    way, spacing = _transfer(k.device, counts, _spacing(counts, points))
+    finest = Elements(k.device, counts, k.inverse_blocks(free), free, way, 1.0, k)
+    grids: list[Grid] = [replace(finest, largest=_largest(finest))]
+    stencil = _products(finest, way, ~held.T)
+    while not _is_direct(way.counts):
         counts = way.counts
-    return Multigrid(grids, _inverse(grids[-1]))
+        way, spacing = _transfer(k.device, counts, spacing)
+        grids.append(_blocks(k.device, counts, stencil, way))
+        stencil = _coarsen(counts, stencil, k.device, way)
+    grids.append(_blocks(k.device, way.counts, stencil))
+    return Multigrid(grids, banded(k.device.get(stencil), k.device.get(grids[-1].free), way.counts))
 
 
-def _assemble(k: Stiffness, counts: Counts, free: Buffer) -> Buffer:
-    """Gather the element forces of unit displacements, of each parity and direction."""
-    stencil = k.device.put(np.zeros(_stencil_size(counts), k.device.real))
-    index = np.indices(counts[::-1]).reshape(3, -1)[::-1]
-    colour = (index[0] & 1) + 2 * (index[1] & 1) + 4 * (index[2] & 1)
-    for parity in range(8):
+def _products(finest: Elements, way: Transfer, free: NDArray[np.bool_]) -> Buffer:
+    """P^T K P by its products with vectors that are 1 at every third coarse node, of which each node has one near.
+
+    Arguments
+    ---------
+    free: (3, n), which directions are.
+    """
+    device, n, pad = finest.device, int(np.prod(way.counts)), _pad(way.counts)
+    stencil, forces = _stencil(device, way.counts), device.empty(3 * finest.n)
+    y = device.empty(3 * (n + pad) + pad)
+    for place in product(*(range(min(3, count)) for count in way.counts)):
+        u, v, w = (values[:, at::3].sum(axis=1) for values, at in zip(way.functions, place, strict=True))
+        values = np.multiply.outer(w, np.multiply.outer(v, u)).ravel()
         for column in range(3):
-            displacement = np.zeros((3, len(colour)), k.device.real)
-            displacement[column] = colour == parity
-            k.element_forces(k.device.put(displacement))
-            where = (k.forces, *counts, parity, column, free, stencil)
-            k.device.launch("stencil.add_forces", len(colour), *where)
-    k.device.wait()
+            displacement = np.zeros((3, finest.n), device.real)
+            displacement[column] = values * free[column]
+            finest.k.apply(device.put(displacement), finest.free, forces)
+            _restrict_vector(finest, forces, way, y)
+            how = (*way.counts[:2], n, pad, *place, column, stencil)
+            device.launch("stencil.set_column", way.counts[::-1], y, *how)
+    device.wait()
     return stencil
 
 
 def _spacing(counts: Counts, points: NDArray[Any]) -> list[float]:
-    """Mean distance of neighbours along each direction, mm."""
-    grid = points.reshape(*counts[::-1], 3)
-    return [float(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).mean()) for axis in (2, 1, 0)]
+    """Distance of neighbours along each direction, mm: that whose coupling, by 1 / distance^2, is their mean."""
+    grid = points.reshape(*counts[::-1], 3).astype(np.float64)
+    return [float(np.mean(1 / np.sum(np.diff(grid, axis=axis) ** 2, axis=-1)) ** -0.5) for axis in (2, 1, 0)]
 
 
-def _transfer(device: Device, counts: Counts, spacing: list[float]) -> tuple[Transfer | None, list[float]]:
-    """Coarsen the directions in which nodes lie close; None where the grid is small enough to be solved directly."""
-    if np.prod(counts) <= DIRECT:
-        return None, spacing
-    least = min(size for size, n in zip(spacing, counts, strict=True) if n > 2)
-    halved = [n > 2 and size < CLOSE * least for size, n in zip(spacing, counts, strict=True)]
+def _is_direct(counts: Counts) -> bool:
+    return 3 * int(np.prod(counts)) * bandwidth(counts) <= DIRECT
+
+
+def _transfer(device: Device, counts: Counts, spacing: list[float]) -> tuple[Transfer, list[float]]:
+    """Coarsen the directions in which nodes lie close; none where the grid itself can be solved directly."""
+    least = min((size for size, n in zip(spacing, counts, strict=True) if n > 2), default=0.0)
+    close = 0.0 if _is_direct(counts) else CLOSE * least
+    halved = [n > 2 and size < close for size, n in zip(spacing, counts, strict=True)]
     centres = [_centres(n) if half else np.arange(n) for n, half in zip(counts, halved, strict=True)]
-    sides, below, above = [], [], []
+    sides, below, above, functions = [], [], [], []
     for n, centre in zip(counts, centres, strict=True):
         gap = np.diff(centre) == 2
         sides.append(np.stack([np.append(False, gap), np.append(gap, False)], axis=1).ravel() * 0.5)
         below.append(np.searchsorted(centre, np.arange(n), side="right") - 1)
         above.append(np.where(centre[below[-1]] < np.arange(n), 0.5, 0.0))
+        functions.append(np.eye(len(centre) + 1)[below[-1]] * (1 - above[-1])[:, None])
+        functions[-1] += np.eye(len(centre) + 1)[below[-1] + 1] * above[-1][:, None]
     coarse = (len(centres[0]), len(centres[1]), len(centres[2]))
     arrays = [device.put(np.concatenate(rows)) for rows in (centres, sides, below, above)]
-    return Transfer(coarse, *arrays), [2 * size if half else size for size, half in zip(spacing, halved, strict=True)]
+    spacing = [2 * size if half else size for size, half in zip(spacing, halved, strict=True)]
+    return Transfer(coarse, *arrays, functions), spacing
 
 
 def _centres(n: int) -> NDArray[Any]:
@@ -248,14 +321,14 @@ def _centres(n: int) -> NDArray[Any]:
     return np.unique(np.append(np.arange(0, n, 2), n - 1))
 
 
-def _grid(device: Device, counts: Counts, stencil: Buffer, way: Transfer | None) -> Grid:
+def _blocks(device: Device, counts: Counts, stencil: Buffer, way: Transfer | None = None) -> Blocks:
     n = int(np.prod(counts))
-    blocks, inverse = device.empty((6, n)), device.empty((6, n))
+    blocks, inverse = device.empty((6, n)), device.empty(6 * n + TILE)
     device.launch("stencil.own_blocks", n, stencil, n, blocks)
     free = device.put((device.get(blocks)[:3] > 0).astype(device.real))
     device.launch("nodal.invert_blocks", n, blocks, free, n, inverse)
-    grid = Grid(device, counts, stencil, inverse, free, 1.0, way)
-    return Grid(device, counts, stencil, inverse, free, _largest(grid), way) if way else grid
+    grid = Blocks(device, counts, inverse, free, way, 1.0, stencil)
+    return replace(grid, largest=_largest(grid)) if way else grid
 
 
 def _largest(grid: Grid) -> float:
@@ -270,38 +343,16 @@ def _largest(grid: Grid) -> float:
     return MARGIN * size
 
 
-def _coarsen(grid: Grid, way: Transfer) -> Buffer:
+def _coarsen(counts: Counts, stencil: Buffer, device: Device, way: Transfer) -> Buffer:
     """P^T S P, one direction after another: each makes the next one's work less."""
-    counts, stencil, begin = grid.counts, grid.stencil, 0
+    begin = 0
     for axis, count in enumerate(way.counts):
         if count < counts[axis]:
             u, v, w = (count if d == axis else counts[d] for d in range(3))
             after = (u, v, w)
-            coarse = grid.device.put(np.zeros(_stencil_size(after), grid.device.real))
+            coarse = _stencil(device, after)
             where = (*counts, axis, count, begin, way.centre, way.side, coarse)
-            grid.device.launch("stencil.coarsen", (27, int(np.prod(after))), stencil, *where)
+            device.launch("stencil.coarsen", (27, int(np.prod(after))), stencil, *where)
             counts, stencil = after, coarse
         begin += count
     return stencil
-
-
-def _inverse(grid: Grid) -> NDArray[Any]:
-    """Inverse (3 n, 3 n) of the grid's matrix, 0 where a direction is not free."""
-    n, (n_u, n_v, n_w) = grid.n, grid.counts
-    tiles = np.asarray(grid.device.get(grid.stencil), dtype=np.float64).reshape(-1, 27, 3, 3, 8)
-    entries = tiles.transpose(1, 2, 3, 0, 4).reshape(27, 3, 3, -1)[..., :n]
-    matrix = np.zeros((3, n, 3, n))
-    index = np.indices((n_w, n_v, n_u)).reshape(3, -1)
-    for o in range(27):
-        at = index + np.array([[o // 9 - 1], [o // 3 % 3 - 1], [o % 3 - 1]])
-        inside = np.flatnonzero(np.all((at >= 0) & (at < [[n_w], [n_v], [n_u]]), axis=0))
-        other = np.ravel_multi_index(tuple(at[:, inside]), (n_w, n_v, n_u))
-        for row in range(3):
-            for column in range(3):
-                matrix[row, inside, column, other] = entries[o, row, column, inside]
-    flat = matrix.reshape(3 * n, 3 * n)
-    used = np.asarray(grid.device.get(grid.free)).ravel() > 0
-    found = np.zeros(flat.shape, grid.device.real)
-    part = flat[np.ix_(used, used)]
-    found[np.ix_(used, used)] = linalg.inv((part + part.T) / 2)
-    return found
