@@ -311,9 +311,9 @@ def _transfer(device: Device, counts: Counts, spacing: list[float]) -> tuple[Tra
         functions.append(np.eye(len(centre) + 1)[below[-1]] * (1 - above[-1])[:, None])
         functions[-1] += np.eye(len(centre) + 1)[below[-1] + 1] * above[-1][:, None]
     coarse = (len(centres[0]), len(centres[1]), len(centres[2]))
-    arrays = [device.put(np.concatenate(rows)) for rows in (centres, sides, below, above)]
+    centre, side, low, high = (device.put(np.concatenate(rows)) for rows in (centres, sides, below, above))
     spacing = [2 * size if half else size for size, half in zip(spacing, halved, strict=True)]
-    return Transfer(coarse, *arrays, functions), spacing
+    return Transfer(coarse, centre, side, low, high, functions), spacing
 
 
 def _centres(n: int) -> NDArray[Any]:
