@@ -4,6 +4,9 @@ Floors, a point: 3 coordinates read and one value written, 16 bytes; besides, ea
 voxels, once for all the points near by where points come in the order of a mesh, for each point where they come in
 none: a gather is held against ``triad`` by its 16 bytes alone. Operations: 18 for the index, 9 for the place in the
 voxel, 14 for the 7 mixes, about 45 with the limits.
+
+Neither bounds it on a CPU, but the wait for voxels that are in no near cache: asked for some vectors of points ahead,
+for which the index is worked out twice, they come in 0.5 times the time in the order of a mesh, 0.4 times in none.
 """
 
 from collections.abc import Iterator

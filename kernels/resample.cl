@@ -14,29 +14,65 @@ inline realv beyond(realv t, int size)
     return fmax((realv)(real)-0.5 - t, t - (size - (real)0.5));
 }
 
-// The samples at `corner` + offset of each lane.
-inline realv gather(__global const real *volume, intv corner, int offset)
+// A place in the grid of samples: the lowest of the eight round it, and the shares of the upper ones.
+typedef struct { intv corner; realv i, j, k; } place;
+
+inline place find_place(int n_i, int n_j, int n_k, realv ti, realv tj, realv tk)
 {
-    union { realv v; real lane[LANES]; } samples;
-    union { intv v; int lane[LANES]; } at = {corner + offset};
+    place at;
+    at.corner = lower_sample(ti, n_i, &at.i) + n_i * lower_sample(tj, n_j, &at.j) + n_i * n_j * lower_sample(tk, n_k, &at.k);
+    return at;
+}
+
+// Two samples for each lane.
+#if LANES == 1
+typedef JOIN(real, 2) realpairs;
+#else
+typedef JOIN(real, 16) realpairs;
+#endif
+
+// The mean of two neighbours along i, read as one.
+inline realv along_i(__global const real *volume, intv corner, int n_i, realv share)
+{
+    union { realpairs v; JOIN(real, 2) pair[LANES]; } samples;
+    union { intv v; int lane[LANES]; } at = {corner};
     for (int lane = 0; lane < LANES; lane++)
-        samples.lane[lane] = volume[at.lane[lane]];
-    return samples.v;
+        samples.pair[lane] = vload2(0, volume + at.lane[lane]);
+    return mix(samples.v.even, n_i > 1 ? samples.v.odd : samples.v.even, share);
 }
 
 inline realv interpolated(__global const real *volume, int n_i, int n_j, int n_k, realv ti, realv tj, realv tk)
 {
-    int step_i = n_i > 1, step_j = n_j > 1 ? n_i : 0, step_k = n_k > 1 ? n_i * n_j : 0;
-    realv share_i, share_j, share_k, value[2];
-    intv corner = lower_sample(ti, n_i, &share_i) + n_i * lower_sample(tj, n_j, &share_j)
-                + n_i * n_j * lower_sample(tk, n_k, &share_k);
-    for (int k = 0; k < 2; k++) {
-        int base = k * step_k;
-        realv low = mix(gather(volume, corner, base), gather(volume, corner, base + step_i), share_i);
-        realv high = mix(gather(volume, corner, base + step_j), gather(volume, corner, base + step_j + step_i), share_i);
-        value[k] = mix(low, high, share_j);
+    int step_j = n_j > 1 ? n_i : 0, step_k = n_k > 1 ? n_i * n_j : 0;
+    place at = find_place(n_i, n_j, n_k, ti, tj, tk);
+    realv value[2];
+    for (int k = 0; k < 2; k++, at.corner += step_k) {
+        realv low = along_i(volume, at.corner, n_i, at.i), high = along_i(volume, at.corner + step_j, n_i, at.i);
+        value[k] = mix(low, high, at.j);
     }
-    return mix(value[0], value[1], share_k);
+    return mix(value[0], value[1], at.k);
+}
+
+// Vectors of points whose samples are asked for before they are read: waiting for them is most of the time.
+#define AHEAD 8
+
+inline void fetch_samples(int n_i, int n_j, int n_k, __global const real *volume, realv ti, realv tj, realv tk)
+{
+    union { intv v; int lane[LANES]; } at = {find_place(n_i, n_j, n_k, ti, tj, tk).corner};
+    for (int lane = 0; lane < LANES; lane++) {
+        size_t low = at.lane[lane], high = low + n_i * n_j;
+        fetch(volume, low, 1);
+        fetch(volume, low + n_i, 1);
+        fetch(volume, high, 1);
+        fetch(volume, high + n_i, 1);
+    }
+}
+
+// One of three indices of points p, p + 1, ...
+inline realv index_of(__global const real *to_index, __global const real *x, __global const real *y,
+                      __global const real *z, int p)
+{
+    return to_index[0] * load(x, p) + to_index[1] * load(y, p) + to_index[2] * load(z, p) + to_index[3];
 }
 
 // to_index: row-major 3x4 map from millimetres to the index (i, j, k). Up to half a voxel beyond the outermost centres the
@@ -46,12 +82,13 @@ void trilinear(__global const real *volume, int n_i, int n_j, int n_k, __global 
                __global const real *x, __global const real *y, __global const real *z, real outside, int clamp_outside,
                int n_points, __global real *out)
 {
-    __global const real *m = to_index;
+#define INDEX(row, p) index_of(to_index + 4 * row, x, y, z, p)
     FOR_LANES(p, n_points) {
-        realv px = load(x, p), py = load(y, p), pz = load(z, p);
-        realv ti = m[0] * px + m[1] * py + m[2] * pz + m[3];
-        realv tj = m[4] * px + m[5] * py + m[6] * pz + m[7];
-        realv tk = m[8] * px + m[9] * py + m[10] * pz + m[11];
+#if LANES > 1
+        int later = min(p + AHEAD * LANES, n_points);
+        fetch_samples(n_i, n_j, n_k, volume, INDEX(0, later), INDEX(1, later), INDEX(2, later));
+#endif
+        realv ti = INDEX(0, p), tj = INDEX(1, p), tk = INDEX(2, p);
         realv result = interpolated(volume, n_i, n_j, n_k, ti, tj, tk);
         if (!clamp_outside) {
             realv off = fmax(fmax(beyond(ti, n_i), beyond(tj, n_j)), beyond(tk, n_k));

@@ -4,6 +4,18 @@ from typing import Any
 
 import warp as wp
 
+AHEAD = wp.constant(64)  # points whose samples are asked for before they are read: waiting for them is most of the time
+
+
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    __builtin_prefetch(values.data + at);
+#endif
+""")
+def fetch(values: wp.array(dtype=Any), at: wp.int64):
+    """Begin to bring a number to the caches of a CPU; what a GPU waits for, its other threads hide."""
+    ...
+
 
 @wp.func
 def grid_line(t: Any, size: wp.int32):
@@ -29,21 +41,53 @@ def bilinear(
 
 
 @wp.func
-def interpolated(
-    volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
-):
+def find_place(n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any):
+    """The lowest of the eight samples round a place, and the shares of the upper ones."""
     i, share_i = grid_line(t_i, n_i)
     j, share_j = grid_line(t_j, n_j)
     k, share_k = grid_line(t_k, n_k)
     row = wp.int64(n_i)
-    slab = row * wp.int64(n_j)
+    return wp.int64(i) + wp.int64(j) * row + wp.int64(k) * row * wp.int64(n_j), share_i, share_j, share_k
+
+
+@wp.func
+def fetch_samples(
+    volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
+):
+    corner, _i, _j, _k = find_place(n_i, n_j, n_k, t_i, t_j, t_k)
+    row = wp.int64(n_i)
+    fetch(volume, corner)
+    fetch(volume, corner + row)
+    fetch(volume, corner + row * wp.int64(n_j))
+    fetch(volume, corner + row * wp.int64(n_j) + row)
+
+
+@wp.func
+def interpolated(
+    volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
+):
+    corner, share_i, share_j, share_k = find_place(n_i, n_j, n_k, t_i, t_j, t_k)
+    row = wp.int64(n_i)
     step_i = wp.where(n_i > 1, wp.int64(1), wp.int64(0))
     step_j = wp.where(n_j > 1, row, wp.int64(0))
-    step_k = wp.where(n_k > 1, slab, wp.int64(0))
-    corner = wp.int64(i) + wp.int64(j) * row + wp.int64(k) * slab
+    step_k = wp.where(n_k > 1, row * wp.int64(n_j), wp.int64(0))
     near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
     far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
     return wp.lerp(near, far, share_k)
+
+
+@wp.func
+def indices_of(
+    to_index: wp.array(dtype=Any),
+    x: wp.array(dtype=Any),
+    y: wp.array(dtype=Any),
+    z: wp.array(dtype=Any),
+    p: wp.int32,
+):
+    t_i = to_index[0] * x[p] + to_index[1] * y[p] + to_index[2] * z[p] + to_index[3]
+    t_j = to_index[4] * x[p] + to_index[5] * y[p] + to_index[6] * z[p] + to_index[7]
+    t_k = to_index[8] * x[p] + to_index[9] * y[p] + to_index[10] * z[p] + to_index[11]
+    return t_i, t_j, t_k
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -68,9 +112,9 @@ def trilinear(
     ``clamp_outside`` is 1, and is ``outside`` where it is 0.
     """
     p = wp.tid() + first
-    t_i = to_index[0] * x[p] + to_index[1] * y[p] + to_index[2] * z[p] + to_index[3]
-    t_j = to_index[4] * x[p] + to_index[5] * y[p] + to_index[6] * z[p] + to_index[7]
-    t_k = to_index[8] * x[p] + to_index[9] * y[p] + to_index[10] * z[p] + to_index[11]
+    l_i, l_j, l_k = indices_of(to_index, x, y, z, wp.min(p + AHEAD, n_points - 1))
+    fetch_samples(volume, n_i, n_j, n_k, l_i, l_j, l_k)
+    t_i, t_j, t_k = indices_of(to_index, x, y, z, p)
     out[p] = interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k)
     if clamp_outside == 0 and (beyond(t_i, n_i) or beyond(t_j, n_j) or beyond(t_k, n_k)):
         out[p] = outside
