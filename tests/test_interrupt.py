@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpubspline import pipeline
+from gpubspline import pipeline, streaming
 
 
 @pytest.fixture
@@ -31,6 +31,17 @@ def test_an_interrupt_is_one_line(run: Any, ct: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(pipeline, "fit", interrupt)
     told = run("mesh", ct, "--spacing", "1,1,1", "--method", "tensor", "-o", ct.parent / "m.vtu")
     assert told == (130, "", "gpubspline: error: interrupted\n")
+    assert [path.name for path in ct.parent.iterdir()] == ["ball.npy"]
+
+
+def test_what_ends_a_process_leaves_no_half_of_a_file(run: Any, ct: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def end(*_: Any, **__: Any) -> None:
+        assert any(path.name.startswith(".m.") for path in ct.parent.iterdir())
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(streaming, "write_slab", end)
+    status, said, err = run("mesh", ct, "--spacing", "1,1,1", "--control", "5,5,5", "-o", ct.parent / "m.vts")
+    assert (status, said, err) == (128 + signal.SIGTERM, "", "")
     assert [path.name for path in ct.parent.iterdir()] == ["ball.npy"]
 
 

@@ -77,8 +77,8 @@ def test_rows_that_do_not_meet_are_not_convex():
     [
         (oval, "tensor", "one region that every row crosses once"),
         (bean, "butterfly", "one part without holes"),
-        (fork, "blocks", r"no butterfly: 2 parts at \("),
-        (ring, "blocks", r"no butterfly: a hole at \("),
+        (fork, "blocks", r"no butterfly: a section with 2 parts at \("),
+        (ring, "blocks", r"no butterfly: a section with a hole at \("),
     ],
 )
 def test_auto_takes_the_first_that_fits(level, method, why, device):
@@ -196,7 +196,7 @@ def test_a_tensor_mesh_of_a_fork_is_warned_of(run, fork_file, tmp_path):
 def test_auto_at_the_command_line_says_what_and_why(run, fork_file, tmp_path):
     files = ["-o", tmp_path / "m.vtu", "--summary", tmp_path / "s.json"]
     status, out, _ = run("mesh", fork_file, *files, "--threshold", 0, "--fill", "none", "--elements", 2000)
-    assert status == 0 and ": no butterfly: 2 parts at (" in out
+    assert status == 0 and ": no butterfly: a section with 2 parts at (" in out
     figures = json.loads((tmp_path / "s.json").read_text())
     assert figures["method"]["name"] == "blocks" and figures["euler"] == {"mesh": 1, "region": 1}
     assert figures["certified_valid"] is True and figures["scaled_jacobian"]["inverted"] == 0

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import stat
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,6 +43,14 @@ def check_writable(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"cannot write in {folder}: {error.strerror}") from None
+
+
+def check_space(path: Path, n_bytes: int) -> None:
+    """Raise ``InputError`` where the disk has no room for a file of so many bytes, before any of it is written."""
+    folder = _followed(Path(path)).absolute().parent
+    free = shutil.disk_usage(folder).free if folder.is_dir() else n_bytes
+    if n_bytes > free:
+        raise InputError(f"expected {n_bytes / 1e9:.3g} GB of space for {path}, got {free / 1e9:.3g} GB in {folder}")
 
 
 def check_folder(path: Path) -> None:

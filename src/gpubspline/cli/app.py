@@ -1,6 +1,7 @@
 """The application that the commands join."""
 
-from typing import Any
+from importlib.metadata import version
+from typing import Annotated, Any
 
 import typer
 
@@ -13,3 +14,17 @@ app = typer.Typer(
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """Click's ``ClickException``, which Typer brings along in a copy of its own or not, by its version."""
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"gpubspline {version('gpubspline')}")
+        raise typer.Exit
+
+
+_VERSION = typer.Option("--version", help="Show the version and exit.", callback=_tell_version, is_eager=True)
+
+
+@app.callback()
+def _of_all(told: Annotated[bool, _VERSION] = False) -> None:
+    pass

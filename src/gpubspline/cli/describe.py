@@ -16,6 +16,7 @@ from gpubspline.report.histogram import text_histogram
 from gpubspline.report.summary import validity_figures
 from gpubspline.spline.fit import FitError
 from gpubspline.spline.hyperpatch import Hyperpatch
+from gpubspline.surface.surface import Surface
 
 _UNDER = 11 * " "
 
@@ -34,7 +35,24 @@ def volume_lines(volume: Volume) -> list[str]:
         "extent     "
         + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
         + " mm LPS",
-        f"HU         {volume.hu.min():g} to {volume.hu.max():g}, Otsu's threshold {otsu_threshold(volume):.0f}",
+        f"HU         {_range_of(volume)}",
+    ]
+
+
+def _range_of(volume: Volume) -> str:
+    low, high = volume.hu.min(), volume.hu.max()
+    return (
+        f"{low:g} everywhere" if low == high else f"{low:g} to {high:g}, Otsu's threshold {otsu_threshold(volume):.0f}"
+    )
+
+
+def surface_lines(surface: Surface) -> list[str]:
+    """Triangles, extent and volume of a closed surface."""
+    low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+    return [
+        f"surface    closed, {len(surface.triangles):,} triangles, {len(surface.points):,} points",
+        "extent     " + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True)) + " mm",
+        f"volume     {surface.volume_mm3:,.0f} mm3",
     ]
 
 

@@ -26,8 +26,8 @@ def law_lines(law: Law) -> list[str]:
     lines += [f"    {', '.join(filter(None, about))}"] if any(about) else []
     lines += density_lines(law)
     for piece in law.pieces:
-        shift = f" {piece.offset_mpa:+g}" if piece.offset_mpa else ""
-        power = f"{piece.factor_mpa:.6g} rho^{piece.exponent:g}{shift}"
+        raised = "" if piece.exponent == 1 else f"^{piece.exponent:g}"
+        power = f"{piece.factor_mpa:.6g} rho{raised}{_added(piece.offset_mpa)}"
         lines.append(f"    {piece.lower_hu:.0f} to {piece.upper_hu:.0f} HU: E = {power} MPa, nu = {piece.poisson:g}")
     for hu, below, above in law.jumps():
         lines.append(f"    jump: at {hu:g} HU the modulus {_verb(below, above)} from {below:.0f} to {above:.0f} MPa")
@@ -59,7 +59,11 @@ def step_lines() -> list[str]:
 
 
 def _line(slope: float, takes: str, intercept: float) -> str:
-    return f"{slope:.6g} {takes}" + (f" {intercept:+.6g}" if intercept else "") + " g/cm3"
+    return f"{slope:.6g} {takes}{_added(intercept)} g/cm3"
+
+
+def _added(value: float) -> str:
+    return f" {'-' if value < 0 else '+'} {abs(value):.6g}" if value else ""
 
 
 def material_lines(figures: dict[str, Any]) -> list[str]:
@@ -72,7 +76,7 @@ def material_lines(figures: dict[str, Any]) -> list[str]:
     across = figures["transverse_law"]
     if across is not None:
         lines.append(f"orthotropic along w by the law {law['name']}, across it by {across['name']}")
-    lines += _alarm_lines(alarms, law)
+    lines += _alarm_lines(alarms, law, figures.get("volume_mm3"))
     for each in filter(None, (law, across)):
         if each["unconfirmed"]:
             lines += _wrapped(f"unconfirmed of the law {each['name']}: " + "; ".join(each["unconfirmed"]))
@@ -83,7 +87,7 @@ def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
 
 
-def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
+def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any], volume_mm3: dict[str, Any] | None) -> list[str]:
     of, depth, order = alarms["of"], alarms["surface_depth_mm"], alarms["order_difference"]
     inside = ", what the scan spread over the surface folded back in" if alarms["partial_volume"] == "fold" else ""
     inside = inside if depth is None else f", the surface read {depth:g} mm inside"
@@ -107,7 +111,7 @@ def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any]) -> list[str]:
         )
         if abs(mass["difference"]) > MASS_TOLERANCE:
             lines[-1] += ", more than 1 %:"
-            lines += _wrapped(mass_advice(alarms))
+            lines += _wrapped(mass_advice(alarms, volume_mm3))
     if order is not None:
         lines.append(
             f"{_UNDER}element-hu and element-e differ by {order['mean']:.1%} of the modulus on average, "
@@ -126,7 +130,7 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
             f"off by {each['residual_g_cm3']:+.4f} g/cm3"
         )
     slope, intercept = calibration["slope_g_cm3_per_hu"], calibration["intercept_g_cm3"]
-    line = "" if calibration["table"] else f"{_UNDER}{kind} = {slope:.6g} HU {intercept:+.4g} g/cm3"
+    line = "" if calibration["table"] else f"{_UNDER}{kind} = {_line(slope, 'HU', intercept)}"
     return [*lines, line] if line else lines
 
 

@@ -1,7 +1,9 @@
 """The command line as a process: what is wrong with the input is one line on stderr and an exit status."""
 
+import signal
 import sys
 import warnings
+from pathlib import Path
 from typing import NoReturn
 
 import typer
@@ -24,10 +26,11 @@ def main() -> None:
     warnings.simplefilter("always", GpubsplineWarning)
     warnings.showwarning = warned.warn
     warned.forget()
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except USAGE_ERROR as error:
-        _fail(error.format_message())
+        _fail(error.format_message() + _hint())
     except (typer.Abort, KeyboardInterrupt):
         _fail("interrupted", INTERRUPTED)
     except ImportError as error:
@@ -43,6 +46,17 @@ def main() -> None:
     if status == INTERRUPTED:  # which Typer makes of an interrupt, without a word
         _fail("interrupted", INTERRUPTED)
     raise SystemExit(status if isinstance(status, int) else 0)
+
+
+def _terminate(number: int, _: object) -> NoReturn:
+    """End as by an error, so that no half of a file stays."""
+    raise SystemExit(128 + number)
+
+
+def _hint() -> str:
+    """What to do about a file whose name is taken for an option."""
+    found = next((word for word in sys.argv[1:] if word.startswith("-") and Path(word).exists()), None)
+    return "" if found is None else f" The file {found} can be given as ./{found}"
 
 
 def _fail(message: str, status: int = 2) -> NoReturn:

@@ -12,6 +12,7 @@ import struct
 import warnings
 import zlib
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 from typing import BinaryIO
 
@@ -94,12 +95,14 @@ class NiftiHeader:
     srow: Floats
 
     @property
+    def n_voxels(self) -> int:
+        """Of all images of the file."""
+        return prod(max(size, 1) for size in self.dim[1 : 1 + min(max(self.dim[0], 0), 7)])
+
+    @property
     def n_bytes(self) -> int:
         """Length of a whole file."""
-        n_voxels = 1
-        for size in self.dim[1 : 1 + min(max(self.dim[0], 0), 7)]:
-            n_voxels *= max(size, 1)
-        return self.vox_offset + n_voxels * self.bitpix // 8
+        return self.vox_offset + self.n_voxels * self.bitpix // 8
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -230,7 +233,9 @@ def check_nifti(path: Path) -> NiftiHeader:
             f"cannot read {body.name} as NIfTI: expected {header.n_bytes} bytes, got {length}; copy it again"
         )
     if wild:
-        raise InputError(f"expected finite HU everywhere in {path.name}, got NaN or infinity in {wild} voxels")
+        raise InputError(
+            f"expected finite HU everywhere in {path.name}, got NaN or infinity in {wild} of {header.n_voxels} voxels"
+        )
     return header
 
 

@@ -105,7 +105,12 @@ class Region:
 
 
 def otsu_threshold(volume: Volume) -> float:
-    """HU that best parts the histogram in two classes, for when no threshold is given (Otsu 1979)."""
+    """HU that best parts the histogram in two classes, for when no threshold is given (Otsu 1979).
+
+    Raises InputError where all HU are the same.
+    """
+    if volume.hu.min() == volume.hu.max():
+        raise InputError(f"expected HU that differ, to find a body in them, got {volume.hu.flat[0]:g} everywhere")
     otsu = sitk.OtsuThresholdImageFilter()
     otsu.SetNumberOfHistogramBins(256)
     otsu.Execute(sitk.GetImageFromArray(volume.hu))

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gpubspline.errors import InputError
-from gpubspline.files import whole_file
+from gpubspline.files import check_space, whole_file
 
 _CHUNK = 1 << 15
 """Rows interleaved at a time, which stay in a core's cache until they are written."""
@@ -146,8 +146,9 @@ def appended_file(
 
     Raises
     ------
-    InputError where the folder is not there or not writable.
+    InputError where the folder is not there or not writable, or the disk has no room for the file.
     """
+    check_space(path, sum(array.n_bytes for arrays in sections.values() for array in arrays))
     with whole_file(path) as temporary, open(temporary, "wb") as stream:
         yield AppendedFile(stream, grid, attributes, sections, comments)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpubspline.errors import InputError
+from gpubspline.mesh.elements import MESHABLE
 
 if TYPE_CHECKING:
     from gpubspline.export.deck import Deck
@@ -63,7 +64,8 @@ class Format:
         """Raise InputError where the format, ``known`` by this, does not hold the elements."""
         if element_type not in self.element_types:
             held = ", ".join(self.element_types)
-            raise InputError(f"expected elements of {held} for {known}, got {element_type}; .vtu holds them")
+            other = "; .vtu holds them" if element_type in MESHABLE and ".vtu" not in self.extensions else ""
+            raise InputError(f"expected elements of {held} for {known}, got {element_type}{other}")
 
     def check_material(self, known: str) -> None:
         """Raise InputError where the format, ``known`` by this, holds no mesh without material."""

@@ -105,13 +105,17 @@ def add_alarms(
     )
 
 
-def mass_advice(alarms: dict[str, Any]) -> str:
-    """Why the mass of a mesh is not the voxels', and what would mend it, of ``Alarms.to_dict``."""
+def mass_advice(alarms: dict[str, Any], volume_mm3: dict[str, float | None] | None = None) -> str:
+    """Why the mass of a mesh is not the voxels', and what would mend it, of ``Alarms.to_dict``.
+
+    ``volume_mm3``: of mesh and region, as a summary has them.
+    """
+    mesh, region = ((volume_mm3 or {}).get(name) for name in ("mesh", "region"))
+    off = mesh / region - 1 if mesh and region else 0.0
+    if abs(off) > MASS_TOLERANCE and off / alarms["mass_g"]["difference"] > 0.5:
+        return f"its volume is {abs(off):.1%} {'above' if off > 0 else 'below'} the region's"
     if alarms["partial_volume"] == "none" and alarms["surface_depth_mm"] is None:
         return "HU on the surface are half of what lies outside; --partial-volume fold gives them their own"
     if alarms["mapping"] == "nodal":
-        return (
-            "HU are interpolated between nodes and control points: more of them or --mapping element-e mend it, unless "
-            "mesh and region differ in volume"
-        )
-    return "mesh and region differ in volume, or the quadrature is too coarse"
+        return "HU are interpolated between nodes or control points: more of them, or --mapping element-e, mend it"
+    return "the quadrature is too coarse, or the mesh and the region differ in places"

@@ -62,7 +62,9 @@ def distances(
 
 
 def summarise_distances(size: Floats, weights: Floats) -> SurfaceDistance:
-    """Summary of distances (s,), mm, each with its weight."""
+    """Summary of distances (s,), mm, each with its weight; zeros where there is no surface, as of a crop all inside."""
+    if not size.size:
+        return SurfaceDistance(0.0, 0.0, 0.0)
     order = np.argsort(size)
     share = np.cumsum(weights[order]) / weights.sum()
     at_95 = order[min(int(np.searchsorted(share, 0.95)), size.size - 1)]

@@ -109,9 +109,13 @@ def default_shape(region: Region, axis: str = "z", slice_index: int | None = Non
     """Give control counts that suit the region and that its data allow.
 
     Returns: (n_u, n_v, n_w), or (n_u, n_v) where one slice is asked for.
+
+    Raises InputError where the region is one voxel thin.
     """
     default = DEFAULT_SHAPE if slice_index is None else DEFAULT_SLICE_SHAPE
     limits = _limits(_slices(stack(region, axis), len(default), axis, slice_index))
+    if min(limits[: len(default)]) < 2:
+        raise InputError(f"expected a body of 2 voxels or more each way, got {_spelled(limits)}: too small to mesh")
     return tuple(min(count, limit) for count, limit in zip(default, limits, strict=False))
 
 

@@ -52,7 +52,7 @@ def test_contours_run_to_the_border_where_the_scan_ends(make_region):
     ],
 )
 def test_branches_and_holes_are_refused_with_their_place(make_region, level, what):
-    with pytest.raises(InputError, match=rf"got {what} at \(.*-11.*\) mm: blocks mesh any shape"):
+    with pytest.raises(InputError, match=rf"got a section with {what} at \(.*-11.*\) mm: blocks mesh any shape"):
         cut_sections(make_region(level), 5)
 
 

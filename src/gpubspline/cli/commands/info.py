@@ -7,24 +7,32 @@ import typer
 
 from gpubspline.cli.app import app
 from gpubspline.cli.options import ReadOptions, RunOptions, flattened
+from gpubspline.errors import InputError
 
 
 @app.command()
 @flattened
 def info(
     source: Annotated[
-        list[Path], typer.Argument(metavar="INPUT...", help="CT, model file (.npz) or mesh file", show_default=False)
+        list[Path],
+        typer.Argument(metavar="INPUT...", help="CT, model (.npz), mesh or closed surface", show_default=False),
     ],
     read: ReadOptions,
 ) -> None:
-    """Say what a CT, a model file or a mesh file holds."""
+    """Say what a CT, a model file, a mesh file or a closed surface holds."""
     from gpubspline.cli import describe
     from gpubspline.export import can_read, read_mesh
+    from gpubspline.surface.read import is_surface, read_surface
 
     if source[0].suffix == ".npz":
         from gpubspline.spline.model import load_model
 
         lines = describe.patch_lines(load_model(source[0]))
+    elif is_surface(source[0]):
+        try:
+            lines = describe.mesh_lines(read_mesh(source[0]))  # .stl, .ply and others hold quads, too
+        except InputError:
+            lines = describe.surface_lines(read_surface(source[0]))
     elif can_read(source[0]):
         lines = describe.mesh_lines(read_mesh(source[0]))
     else:

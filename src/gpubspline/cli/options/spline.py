@@ -38,9 +38,12 @@ class SplineOptions:
     def shaping(self, directions: int) -> Any:
         """What the pipeline fits."""
         from gpubspline.recipe import Shaping
+        from gpubspline.spline.knots import MAX_DEGREE
         from gpubspline.spline.lattice import MOST_SMOOTHING
 
         degree = integers(self.degree, "degree", (1, directions)) or (3,)
+        if not 1 <= min(degree) <= max(degree) <= MAX_DEGREE:
+            raise InputError(f"expected --degree of 1 to {MAX_DEGREE}, got {self.degree}")
         control = integers(self.control, "control", (2,) if directions == 2 else (3, 4))
         shaping = Shaping(control, degree, self.fit, self.interpolation)
         if self.smooth_rows is None:

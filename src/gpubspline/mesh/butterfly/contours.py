@@ -112,8 +112,8 @@ def _several(parts: int, holes: int, whole: Stack, at: float, middle: Floats, st
     where = ", ".join(f"{x:.1f}" for x in place)
     what = [f"{parts} parts"] * (parts > 1) + ["a hole" if holes == 1 else f"{holes} holes"] * (holes > 0)
     return (
-        f"expected every section of a butterfly to be one part without holes, got {' and '.join(what)} at ({where}) "
-        "mm: blocks mesh any shape (--method blocks)"
+        f"expected every section of a butterfly to be one part without holes, got a section with {' and '.join(what)} "
+        f"at ({where}) mm: blocks mesh any shape (--method blocks)"
     )
 
 

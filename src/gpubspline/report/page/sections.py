@@ -48,7 +48,7 @@ def _alarm_lines(figures: dict[str, Any]) -> list[str]:
     if off is not None and abs(off) > MASS_TOLERANCE:
         said.append(
             f"The mass of the mesh is {100 * abs(off):.1f} % {'above' if off > 0 else 'below'} that of the voxels: "
-            f"{mass_advice(alarms)}."
+            f"{mass_advice(alarms, figures.get('volume_mm3'))}."
         )
     if figures.get("certified_valid") is False:
         said.append("The Jacobian determinant is not certified to be positive throughout every element.")
