@@ -261,7 +261,7 @@ def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
     far = meshio.read(ball)
     far.points = far.points + 500
     meshio.write(tmp_path / "far.ply", far)
-    open_ball = meshio.Mesh(far.points, [("triangle", far.cells[0].data[3:])])
+    open_ball = meshio.Mesh(far.points, [("triangle", far.cells[0].data[len(far.cells[0].data) // 3 :])])
     meshio.write(tmp_path / "open.ply", open_ball)
     out = ["-o", tmp_path / "m.vtu"]
     for words, what in (
