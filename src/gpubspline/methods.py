@@ -1,6 +1,7 @@
 """By which of three methods a body is meshed: rows of one patch, five patches a section, or blocks of any topology."""
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,12 +15,13 @@ from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
-from gpubspline.mesh.blocks.result import Blocks
+from gpubspline.mesh.blocks.result import Blocks, BodyReport
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
 from gpubspline.mesh.element_size import about_elements, default_size, size_for, size_of
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.thickness import measure_thickness
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 from gpubspline.spline.lattice import SMOOTHING, surface_hu
 from gpubspline.spline.reformat import stack
@@ -35,6 +37,8 @@ SECONDS_PER_HEX = 2.5e-4
 LONG_S, FEWER = 90.0, 50_000
 """Time from which it is said before the work, and the hexes that are offered instead."""
 
+BODY_OFF, LISTED = 0.02, 12
+"""Relative difference of a label's volume from which is warned, and the most labels that are named."""
 
 MOST_BLOCKS = 1 << 26
 """Hexes of a mesh of blocks: the grid that they are cut from has SAMPLES^3 points each, numbered by 32 bits."""
@@ -239,6 +243,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
     warn_of_topology(made.report.euler, size)
+    warn_of_bodies(made.report.bodies, parts, size)
     return Meshed(mesh, made.report.to_dict() | figures)
 
 
@@ -282,6 +287,24 @@ def warn_of_topology(euler: dict[str, int], size_mm: float) -> None:
             GpubsplineWarning,
             stacklevel=2,
         )
+
+
+def warn_of_bodies(bodies: Sequence[BodyReport], parts: Mapping[str, Region], size_mm: float) -> None:
+    """Warn of labels whose hexes do not have their volume, the farthest off by name, with where it is thinnest."""
+    off = [body for body in bodies if abs(body.off) > BODY_OFF]
+    if not off:
+        return
+    worst = max(off, key=lambda body: abs(body.off))
+    thin = measure_thickness(parts[worst.name])
+    x, y, z = thin.places_mm[np.argsort(thin.thickness_mm, kind="stable")[int(0.05 * len(thin.thickness_mm))]]
+    names = ", ".join(f"{body.name} {body.off:+.1%}" for body in off[:LISTED])
+    warnings.warn(
+        f"volumes of labels are off: {names}; {worst.name} is {thin.least():.2g} mm thin at "
+        f"({x:.1f}, {y:.1f}, {z:.1f}) mm and below {thin.least(0.5):.2g} mm in half of its places, where two elements "
+        f"need {2 * size_mm:.3g}: a smaller --size follows it, or join it to another label",
+        GpubsplineWarning,
+        stacklevel=2,
+    )
 
 
 def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, int]]:

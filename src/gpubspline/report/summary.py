@@ -70,6 +70,7 @@ def summary(
         "held_back_nodes": None,
         "lost_features": None,
         "attempts": None,
+        "bodies": None,
         "scaled_jacobian": counted.quality.to_dict(),
         **validity_figures(counted.certificate),
         "volume_mm3": sizes if solid else none,

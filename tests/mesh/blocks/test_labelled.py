@@ -14,7 +14,7 @@ from gpubspline.ct.labels import Labels, Segment
 from gpubspline.ct.region import Region, region_from_mask
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, MeshError
 from gpubspline.export import read_mesh
 from gpubspline.mesh.blocks.contacts import find_contacts
 from gpubspline.mesh.blocks.core import Cells
@@ -42,6 +42,12 @@ PARTS = {
     "halves": {"lower": PLANE, "upper": -PLANE},
     "shell": {"core": INNER, "shell": -INNER},
     "thin": {"core": -DEPTH, "shell": DEPTH},
+    "four": {
+        "left": np.maximum(PLANE, X - ACROSS),
+        "right": np.maximum(PLANE, ACROSS - X),
+        "near": np.maximum(-PLANE, Y + 0.2 * X - 0.31),
+        "far": np.maximum(-PLANE, 0.31 - Y - 0.2 * X),
+    },
     "three": {"lower": PLANE, "left": np.maximum(-PLANE, X - ACROSS), "right": np.maximum(-PLANE, ACROSS - X)},
 }
 
@@ -58,7 +64,9 @@ def made(name: str, device: Device) -> Blocks:
     return blocks_mesh(region(BALL), 2.5, parts=parts, attempts=1, device=device)
 
 
-@pytest.mark.parametrize(("name", "floor"), [("halves", 0.65), ("shell", 0.7), ("thin", 0.6), ("three", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "floor"), [("halves", 0.65), ("shell", 0.7), ("thin", 0.6), ("three", 0.6), ("four", 0.55)]
+)
 def test_bodies_share_their_interface(name: str, floor: float, device: Device) -> None:
     mesh = made(name, device).mesh
     assert assess(mesh, device)[1].min > floor
@@ -136,6 +144,14 @@ def test_a_thin_body_keeps_what_it_parts_apart() -> None:
     for axis in range(3):
         line = np.moveaxis(cells, axis, 0)
         assert not np.any((line[:-1] == 0) & (line[1:] == 2)) and not np.any((line[:-1] == 2) & (line[1:] == 0))
+
+
+def test_a_body_without_a_cell_is_refused_with_its_place() -> None:
+    speck = np.sqrt((X - 3.2) ** 2 + (Y + 4.1) ** 2 + (Z - 5.3) ** 2) - 0.9
+    whole = LevelSet(level(BALL), 2.5, np.diag([2.5, 2.5, 2.5, 1.0]))
+    parts = {"rest": level(np.maximum(BALL, -speck)), "speck": level(speck)}
+    with pytest.raises(MeshError, match=r"no cell of 2.5 mm lies in speck at \(\d"):
+        find_core(whole, {name: Part(phi, phi) for name, phi in parts.items()})
 
 
 def level(distance: np.ndarray) -> Field:

@@ -68,7 +68,7 @@ def find_contacts(phi: Field, parts: Sequence[Field]) -> Contacts:
     ---------
     phi, parts: distances, in elements, of all bodies together and of each, sampled on one grid.
     """
-    owners = _nearest(phi, parts)
+    owners = nearest_body(phi, parts)
     shape = tuple((n - 1) // SAMPLES for n in phi.shape)
     keys, faces = np.unique(np.concatenate([_meetings(owners, axis, shape) for axis in range(3)]), return_counts=True)
     pairs, first = np.unique(keys // int(np.prod(shape)), return_index=True)
@@ -83,7 +83,7 @@ def find_contacts(phi: Field, parts: Sequence[Field]) -> Contacts:
     return Contacts(shape, np.concatenate(kept))
 
 
-def _nearest(phi: Field, parts: Sequence[Field]) -> Owners:
+def nearest_body(phi: Field, parts: Sequence[Field]) -> Owners:
     """Body that each sample lies deepest in, from 1; 0 outside of all."""
     owners, least = np.ones(phi.shape, dtype=np.int8), parts[0]
     for number, part in enumerate(parts[1:], start=2):

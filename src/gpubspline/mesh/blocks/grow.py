@@ -13,13 +13,13 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.contacts import find_contacts, part_strangers
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
-from gpubspline.mesh.blocks.labelled import assign, costs, element_sets, find_interfaces, hold, node_sets
+from gpubspline.mesh.blocks.labelled import assign, body_volumes, costs, element_sets, find_interfaces, hold, node_sets
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
 from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features
 from gpubspline.mesh.blocks.repair import repair, repair_owners
-from gpubspline.mesh.blocks.result import Blocks, BlocksReport
+from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
 
@@ -58,14 +58,14 @@ class Grown:
     Attributes
     ----------
     level, core: what they grew on.
-    names: of the bodies, where there are several.
+    volumes: of each body in the region, in elements, by its name, where there are several.
     pairs: bodies that touch.
     hexes, placed: the hexes, and their nodes.
     """
 
     level: LevelSet
     core: Core
-    names: tuple[str, ...]
+    volumes: Mapping[str, float]
     pairs: tuple[tuple[int, int], ...]
     hexes: Pillowed
     placed: PlacedOn
@@ -75,10 +75,20 @@ class Grown:
         """Parts of the level set's inside that the core does not reach."""
         return lost_features(self.level, self.placed.reached)
 
+    @cached_property
+    def bodies(self) -> tuple[BodyReport, ...]:
+        """What is known of each of several bodies."""
+        found, mm3 = [], self.level.size_mm**3
+        for number, (name, volume) in enumerate(self.volumes.items(), start=1):
+            cells = self.hexes.cells[self.hexes.owners == number]
+            made = Mesh(self.placed.points, "hex8", connectivity=cells).volume_mm3 if len(cells) else 0.0
+            found.append(BodyReport(name, len(cells), {"mesh": made * mm3, "region": volume * mm3}))
+        return tuple(found)
+
     def finished(self) -> Blocks:
         """Make the mesh with its report."""
-        hexes, level, points = self.hexes, self.level, self.placed.points
-        sets = node_sets(hexes, self.names, self.pairs)
+        hexes, level, points, names = self.hexes, self.level, self.placed.points, tuple(self.volumes)
+        sets = node_sets(hexes, names, self.pairs)
         report = BlocksReport(
             size_mm=level.size_mm,
             min_scaled_jacobian=self.placed.nodes.least,
@@ -87,6 +97,7 @@ class Grown:
             off_surface_nodes=off_surface(points[sets["surface"]], self.placed.reached, level.size_mm),
             lost_features=self.lost,
             attempts=(),
+            bodies=self.bodies,
         )
         mesh = Mesh(
             level.in_mm(points).astype(points.dtype),
@@ -95,7 +106,7 @@ class Grown:
             node_sets=sets,
             element_sets={
                 "body": np.arange(len(hexes.cells), dtype=np.int32),
-                **element_sets(hexes, self.names),
+                **element_sets(hexes, names),
             },
         )
         return Blocks(mesh, level, self.core.cells > 0, report)
@@ -125,7 +136,7 @@ def grow(
     placed = place_nodes(holding, level, effort, bulge=bulge)
     if not (allow_inverted or placed.nodes.least > 0):
         raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))
-    return Grown(level, core, tuple(parts or ()), held.pairs, hexes, placed)
+    return Grown(level, core, body_volumes(level.phi, parts or {}), held.pairs, hexes, placed)
 
 
 def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
@@ -146,6 +157,7 @@ def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
             f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places are left, the first at "
             f"{_place(level, unsound[0][::-1])}; close the region's pores first or ask for a smaller size"
         )
+    _check_present(level, cells, parts or {})
     if not cells.any():
         raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
     cells[~largest_body(cells > 0)] = 0
@@ -164,6 +176,17 @@ def _find_owners(level: LevelSet, means: Field, parts: Sequence[Field]) -> tuple
         if len(unsound) or not len(contacts.strangers(owners)):
             break
     return owners, int(np.count_nonzero(owners != given)), unsound
+
+
+def _check_present(level: LevelSet, cells: Cells | Owners, parts: Mapping[str, Part]) -> None:
+    """Raise MeshError where one of several bodies has no cell."""
+    for number, (name, part) in enumerate(parts.items(), start=1):
+        if not np.any(cells == number):
+            deepest = np.array(np.unravel_index(np.argmin(part.raw), part.raw.shape))[::-1] / SAMPLES
+            raise MeshError(
+                f"no cell of {level.size_mm:g} mm lies in {name} at {_place(level, deepest)}, which is too small or "
+                "too thin: ask for a smaller size, join it to another label, or take --no-conforming"
+            )
 
 
 def off_surface(points: NDArray[Any], reached: NDArray[Any], size_mm: float) -> dict[str, float]:

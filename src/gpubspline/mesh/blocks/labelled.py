@@ -11,18 +11,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from gpubspline.ct.region import Region
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.chords import measure_chords
+from gpubspline.mesh.blocks.contacts import nearest_body
 from gpubspline.mesh.blocks.core import Cells, count_neighbours
-from gpubspline.mesh.blocks.level_set import Field, Part, brought_back, bulged
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, Part, brought_back, bulged
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed
 from gpubspline.mesh.blocks.reach import core_distance, near
 from gpubspline.mesh.movable import FREE
 
 MOST_BODIES = 60
 """Bodies round a node are bits of an integer."""
+
+SPECK = 4
+"""Cells below which a piece of a body that lies apart is none."""
 
 JUNCTION_SLACK = 0.25
 """Farthest, in elements, that nodes are from the line or the point where three bodies or more meet."""
@@ -48,16 +53,28 @@ def assign(inside: NDArray[np.bool_], means: NDArray[np.float32]) -> Owners:
     inside: (n_k, n_j, n_i) cells of all bodies together.
     means: (bodies, n_k, n_j, n_i) distance of each cell from each body, in elements.
 
-    Returns: int8, 0 outside; spikes of one body into another (one neighbour or none) are given to the next nearest.
+    Returns: int8, 0 outside; specks of fewer than ``SPECK`` cells and spikes of one body into another (one neighbour or
+    none) are given to the next nearest.
     """
+    if len(means) == 1:
+        return inside.astype(np.int8)
     ranked = np.argsort(means, axis=0, kind="stable")
     owners = np.where(inside, ranked[0] + 1, 0).astype(np.int8)
-    if len(means) == 1:
-        return owners
     for body in range(1, len(means) + 1):
-        spikes = (owners == body) & (count_neighbours(owners == body) <= 1)
-        owners[spikes] = (ranked[1] + 1)[spikes]
+        own = owners == body
+        loose = _specks(own) | (own & (count_neighbours(own) <= 1))
+        owners[loose] = (np.where(ranked[0] + 1 == body, ranked[1], ranked[0]) + 1)[loose]
     return owners
+
+
+def _specks(own: Cells) -> Cells:
+    """Cells of the pieces of a body that are small, but for its largest."""
+    pieces, count = label(own)
+    sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
+    small = sizes < SPECK
+    if count:
+        small[0] = small[1 + int(np.argmax(sizes[1:]))] = False
+    return np.asarray(small[pieces] & own)
 
 
 def costs(whole: NDArray[np.float32], means: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -151,6 +168,13 @@ def straightened(interfaces: Interfaces, hexes: Pillowed, points: NDArray[Any]) 
         off = measure_chords(points, faces, interface.phi).field(interface.phi.shape)
         moved[pair] = replace(interface, held=interface.held + off)
     return moved
+
+
+def body_volumes(phi: Field, parts: Mapping[str, Part]) -> dict[str, float]:
+    """Volume, in elements, of each body within the zero level of all: what lies deepest in it, not smoothed."""
+    owners = nearest_body(phi, [part.raw for part in parts.values()]) if parts else np.zeros(1, dtype=np.int8)
+    counts = np.bincount(owners.reshape(-1), minlength=len(parts) + 1)[1:] / SAMPLES**3
+    return dict(zip(parts, counts.tolist(), strict=True))
 
 
 def level_volumes(whole: Field, interfaces: Interfaces, held: Held) -> list[Field]:

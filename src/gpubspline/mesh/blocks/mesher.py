@@ -29,6 +29,9 @@ MOST_TRIED = 20_000
 MOST_LOST = 1.2
 """How far, in elements, a feature may stand out of the mesh without another place being tried."""
 
+MOST_OFF = 0.05
+"""By what part the volume of one of several bodies may be off without another place being tried."""
+
 
 def blocks_mesh(
     region: Region,
@@ -46,7 +49,8 @@ def blocks_mesh(
     Cells of a lattice that lie inside are the core; a layer of hexes grows from its boundary to the region's surface;
     nodes then move until the worst hex is as good as it gets, those of the surface along the surface. Where the worst
     stays poor, the topology differs or a feature is lost, the lattice is shifted or turned and all is done again; where
-    the worst is merely not good, as long as the mesh is small.
+    the worst is merely not good, as long as the mesh is small. Of several bodies one that is not poor is enough, and
+    each must have its volume.
 
     Arguments
     ---------
@@ -91,7 +95,7 @@ def blocks_mesh(
         tried.append(Attempt(place, made.placed.hexes.n_elements, made.placed.nodes.least, core.euler["mesh"]))
         if best is None or _merit(made) > _merit(best):
             best = made
-        if _merit(best) >= (True, True, _enough(tried)):
+        if _merit(best) >= (True, True, True, POOR if parts else _enough(tried)):
             break
     if best is None:
         raise failure
@@ -99,10 +103,11 @@ def blocks_mesh(
     return replace(finished, report=replace(finished.report, attempts=tuple(tried)))
 
 
-def _merit(made: Grown) -> tuple[bool, bool, float]:
-    """Right topology first, then that nothing is lost, then the worst hex."""
+def _merit(made: Grown) -> tuple[bool, bool, bool, float]:
+    """Right topology first, then that nothing is lost and bodies have their volumes, then the worst hex."""
     kept = all(feature.out_mm <= MOST_LOST * made.level.size_mm for feature in made.lost)
-    return made.core.is_whole, kept, made.placed.nodes.least
+    full = all(abs(body.off) <= MOST_OFF for body in made.bodies)
+    return made.core.is_whole, kept, full, made.placed.nodes.least
 
 
 def _enough(tried: list[Attempt]) -> float:

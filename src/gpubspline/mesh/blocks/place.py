@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device
+from gpubspline.device import Buffer, Device
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.labelled import Held, Interfaces, level_volumes, straightened
@@ -17,12 +17,16 @@ from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import POOR, Effort, Placed, copy, improve
 from gpubspline.mesh.movable import Movable, movable, put_level
+from gpubspline.mesh.neighbourhood import edge_lengths, with_targets
 
 FEW = 0.004
 """Share of the volume that faces may cut off."""
 
 STEPS = 20
 """Most steps of descent of all hexes where they are placed again, near to where they were."""
+
+LEAST_LENGTH = 0.3
+"""Shortest, in elements, that edges of bodies that touch are asked to be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,21 +70,36 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
     """Place the nodes of hexes; ``bulge``: outside the level set, by as much as faces cut off."""
     wanted = bulged(level.phi) if bulge else level.phi
     hexes, reached = holding.by(wanted)
-    colours, slack = holding.hexes.colours, holding.held.slack
-    best = improve(hexes, colours, start(holding.hexes, hexes), slack, effort)
+    colours, slack, several = holding.hexes.colours, holding.held.slack, bool(holding.interfaces)
+    x = start(holding.hexes, hexes)
+    if several:
+        hexes = _as_long_as_now(hexes, x)
+    best = improve(hexes, colours, x, slack, effort)
     made = PlacedOn(hexes, even_out(hexes, best), reached)
     if not (bulge and best.least > 0):
         return made
     volume = volume_inside(level.phi)
     chords = measure_chords(made.points, holding.hexes.quads, level.phi, volume)
-    if abs(chords.volume) <= FEW * volume and not holding.interfaces:
+    if abs(chords.volume) <= FEW * volume and not several:
         return made
-    if holding.interfaces:
+    if several:
         holding = replace(holding, interfaces=straightened(holding.interfaces, holding.hexes, made.points))
     hexes, reached = holding.by(wanted + chords.field(wanted.shape))
     effort = effort or Effort()
-    effort = replace(effort, steps=min(STEPS, effort.steps))
+    if several:
+        hexes = replace(hexes, log_lengths=made.hexes.log_lengths)
+    else:
+        effort = replace(effort, steps=min(STEPS, effort.steps))
     again = improve(hexes.with_slack(best.slack), colours, copy(hexes, best.x), best.slack, effort)
     if again.least < min(best.least, POOR):
         return made
     return PlacedOn(hexes, even_out(hexes, again), reached)
+
+
+def _as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
+    """Hexes whose edges should be as long as they are at x (3, n), or ``LEAST_LENGTH``.
+
+    Thin bodies have three hexes across an element: asked to be as long as others, they would push the surface out.
+    """
+    points = np.array(hexes.device.get(x)).reshape(3, -1).T.astype(np.float64)
+    return with_targets(hexes, np.clip(edge_lengths(points, hexes.cells).mean(axis=2), LEAST_LENGTH, 1.0))

@@ -39,6 +39,31 @@ class Attempt:
 
 
 @dataclass(frozen=True)
+class BodyReport:
+    """One of several bodies of a mesh.
+
+    Attributes
+    ----------
+    name: of its element set.
+    elements: hexes.
+    volume_mm3: of these, and of what the region has of the body: ``{"mesh": 1.0, "region": 1.0}``.
+    """
+
+    name: str
+    elements: int
+    volume_mm3: dict[str, float]
+
+    @property
+    def off(self) -> float:
+        """By what part its volume differs from the region's."""
+        return self.volume_mm3["mesh"] / self.volume_mm3["region"] - 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {"name": self.name, "elements": self.elements, "volume_mm3": dict(self.volume_mm3)}
+
+
+@dataclass(frozen=True)
 class BlocksReport:
     """What is known of a mesh of blocks beside its quality.
 
@@ -51,6 +76,7 @@ class BlocksReport:
     off_surface_nodes: surface nodes that had to leave the surface: ``{"count": 0, "max_mm": 0.0}``.
     lost_features: parts of the region too thin for the lattice, farthest out first.
     attempts: places of the lattice that were tried; the mesh is the best of them.
+    bodies: those that touch, where there are several.
     """
 
     size_mm: float
@@ -60,6 +86,7 @@ class BlocksReport:
     off_surface_nodes: dict[str, float]
     lost_features: tuple[LostFeature, ...]
     attempts: tuple[Attempt, ...]
+    bodies: tuple[BodyReport, ...] = ()
 
     @property
     def is_whole(self) -> bool:
@@ -76,6 +103,7 @@ class BlocksReport:
             "off_surface_nodes": dict(self.off_surface_nodes),
             "lost_features": [feature.to_dict() for feature in self.lost_features],
             "attempts": [attempt.to_dict() for attempt in self.attempts],
+            "bodies": [body.to_dict() for body in self.bodies],
         }
 
 
