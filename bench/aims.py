@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from gpubspline.bench.measure import Row
 
 TIMES: dict[str, dict[str, float]] = {  # as fast as a peer
-    # scipy: its fast form, about a tenth of what memory allows on two cores; scipy float64: its natural one
-    "evaluate": {"scipy": 20, "scipy float64": 20, "splinepy": 1000},
+    # scipy float64: sparse design matrices as they come, 16 to 24 million nodes a second where the aim was set, 40 to
+    # 50 on a core of Zen 5. The fast form of our own, 140 to 230 million, has no aim: ten times is all that memory
+    # allows. splinepy: at 200^3 nodes and more
+    "evaluate": {"scipy float64": 20, "splinepy": 1000},
     "quality-structured": {"VTK": 25},
     "quality-explicit": {"VTK": 10},
     "fused": {"slowest part": 0.8},
