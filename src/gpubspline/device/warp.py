@@ -65,7 +65,7 @@ class WarpDevice:
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         lanes = importlib.import_module("gpubspline.kernels.lanes")
         self._lane_arrays = (lanes.LaneArray, lanes.IntLaneArray)
-        self._compiled: set[Any] = set()
+        self._overloads: dict[Any, Any] = {}
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
         self.cores = self._threads if self._device.is_cpu else 0
 
@@ -115,28 +115,31 @@ class WarpDevice:
     def _launch_shares(
         self, kernel: str, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]
     ) -> None:
-        """Launch once for each thread; the start of its share of the outermost dimension is the argument ``first``."""
+        """Launch once for each thread, this one too; its share of the outermost dimension begins at ``first``."""
         shares = min(self._threads, shape[0]) if self._pool else 1
-        bounds = np.linspace(0, shape[0], shares + 1).astype(int)
 
         def run(share: int) -> None:
-            start, stop = int(bounds[share]), int(bounds[share + 1])
+            start, stop = shape[0] * share // shares, shape[0] * (share + 1) // shares
             part = (stop - start, *shape[1:])
-            self._warp.launch(function, part, inputs=[*inputs, start, *last], device=self._device)
+            self._warp.launch(self._overloads[kinds], part, inputs=[*inputs, start, *last], device=self._device)
 
         started = 0
-        kinds = (function.key, tuple(getattr(value, "dtype", type(value)) for value in inputs))
-        if kinds not in self._compiled:  # the first launch compiles, which two threads must not do at once
-            self._compiled.add(kinds)
+        kinds = (function, *(getattr(value, "dtype", type(value)) for value in inputs))
+        if kinds not in self._overloads:  # the first launch compiles, which two threads must not do at once
+            self._overloads[kinds] = self._overload(function, [*inputs, 0, *last])
             self.on_build(kernel)
             run(0)
             self.on_build("")
             started = 1
-        if self._pool is None or shares == 1:
-            for share in range(started, shares):
-                run(share)
-        else:
-            list(self._pool.map(run, range(started, shares)))
+        others = self._pool.map(run, range(started, shares - 1)) if self._pool else ()
+        if started < shares:
+            run(shares - 1)
+        list(others)
+
+    def _overload(self, function: Any, inputs: list[Any]) -> Any:
+        """Find the kernel for inputs of these types, which takes Warp longer than many a launch."""
+        types = [value if isinstance(value, self._warp.array) else type(value) for value in inputs]
+        return self._warp.overload(function, types) if function.is_generic else function
 
     def _in_lanes(self, function: Any, inputs: list[Any], lanes: int) -> list[Any]:
         """See each lane array as overlapping vectors, one from every element on."""
