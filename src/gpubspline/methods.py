@@ -19,7 +19,7 @@ from gpubspline.mesh.blocks.result import Blocks, BodyReport
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
-from gpubspline.mesh.element_size import about_elements, default_size, size_for, size_of
+from gpubspline.mesh.element_size import ACROSS, about_elements, default_size, size_for, size_of
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.thickness import measure_thickness
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
@@ -39,6 +39,9 @@ LONG_S, FEWER = 90.0, 50_000
 
 BODY_OFF, LISTED = 0.02, 12
 """Relative difference of a label's volume from which is warned, and the most labels that are named."""
+
+MOST_FINER = 0.5
+"""Part of an element below which a feature is too thin to ask for hexes that follow it."""
 
 MOST_BLOCKS = 1 << 26
 """Hexes of a mesh of blocks: the grid that they are cut from has SAMPLES^3 points each, numbered by 32 bits."""
@@ -347,16 +350,22 @@ def warn_of_closed(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
 
 
 def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None) -> None:
-    """Warn of parts of the region that the mesh leaves out, the farthest by name."""
+    """Warn of parts of the region that the mesh leaves out, the farthest by name, and say what follows it."""
     if not lost:
         return
     worst = max(lost, key=lambda feature: float(feature["out_mm"]))
     place = ", ".join(f"{x:.1f}" for x in worst["place_mm"])
-    finer = "" if size_mm is None else f"; a --size below {size_mm:.3g} mm follows thinner features"
+    thick, finer = worst.get("thickness_mm"), ""
+    if size_mm is not None:
+        finer = f"; a --size below {size_mm:.3g} mm follows thinner features"
+        if thick is not None and thick < ACROSS * size_mm:
+            finer = "; --smooth, or a mask without it, takes it away"
+            if thick > MOST_FINER * size_mm:
+                finer = f"; a --size of {thick / ACROSS:.2g} mm follows it"
     what = "a part of the region is" if len(lost) == 1 else f"{len(lost)} parts of the region are"
+    where = f"at ({place}) mm" + (f", where it is {thick:.2g} mm thick" if thick is not None else "")
     warnings.warn(
-        f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh at ({place}) mm{finer} "
-        "(--features draws where)",
+        f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh {where}{finer} (--features draws where)",
         GpubsplineWarning,
         stacklevel=2,
     )

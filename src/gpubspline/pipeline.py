@@ -11,6 +11,7 @@ from gpubspline.material.calibration import Calibrated
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
 from gpubspline.mesh.label_sets import with_label_sets
+from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.optimize import optimize
 from gpubspline.mesh.quality import assess
@@ -145,4 +146,8 @@ def summarise(
     figures["optimized"] = None if model.optimized is None else model.optimized.to_dict()
     if choice is not None:
         figures["method"] = {"name": choice.method, "why": choice.why}
-    return figures if meshed is None else figures | meshed.figures
+    found = {} if meshed is None else meshed.figures
+    if body is not None and figures["lost_features"] is not None:
+        lost = list_lost(found.get("lost_features", ()), figures["lost_features"], body.region)
+        found = found | {"lost_features": lost}
+    return figures | found

@@ -7,6 +7,7 @@ from matplotlib.image import imread
 from gpubspline.ct.region import Region
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.element_size import default_size
+from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.thickness import measure_thickness
 from gpubspline.methods import warn_of_lost
 from gpubspline.report.features import draw_features, write_features
@@ -62,3 +63,26 @@ def test_lost_parts_are_warned_of_once_with_the_farthest():
     with pytest.warns(GpubsplineWarning, match=r"2 parts of the region are left out, up to 7\.0 mm .* \(4\.0, 5\.0, 6"):
         warn_of_lost(lost, 1.5)
     warn_of_lost([], 1.5)
+
+
+@pytest.mark.parametrize(
+    ("thick", "said"),
+    [(4.0, "a --size below 1.5 mm follows"), (1.2, "where it is 1.2 mm thick; a --size of 0.6 mm"), (0.2, "--smooth")],
+)
+def test_what_follows_a_lost_part_is_said_by_its_thickness(thick, said):
+    with pytest.warns(GpubsplineWarning, match=said):
+        warn_of_lost([{"place_mm": [1, 2, 3], "out_mm": 3.0, "thickness_mm": thick}], 1.5)
+
+
+def test_lost_parts_are_listed_once_and_their_thickness_measured():
+    """A plate of 10 voxels with a rod of 4 on it: what both found at its top is one part, as thick as the rod."""
+    k, j, i = np.indices((40, 24, 24)) - 12.0
+    plate = np.maximum.reduce([np.abs(k) - 5, np.abs(j) - 9, np.abs(i) - 9])
+    distance = np.minimum(plate, np.maximum(np.hypot(i, j) - 2, np.abs(k - 10) - 12)).astype(np.float32)
+    region = Region(distance < 0, distance, np.eye(4))
+    top, far = {"place_mm": [12.0, 12.0, 33.5], "out_mm": 16.0}, {"place_mm": [3.5, 12.0, 12.0], "out_mm": 2.0}
+    twin = {"place_mm": [12.0, 12.0, 33.0], "out_mm": 15.0}
+    lost = list_lost([twin, far], [top], region)
+    assert [feature["out_mm"] for feature in lost] == [16.0, 2.0]
+    assert lost[0]["thickness_mm"] == pytest.approx(4.0, abs=0.1)
+    assert list_lost([], [], region) == []

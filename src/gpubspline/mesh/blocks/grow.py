@@ -22,6 +22,7 @@ from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.validity import certify
 
 ON_SURFACE = 0.01
 """A node farther from the surface, in elements, counts as off it."""
@@ -84,6 +85,12 @@ class Grown:
             made = Mesh(self.placed.points, "hex8", connectivity=cells).volume_mm3 if len(cells) else 0.0
             found.append(BodyReport(name, len(cells), {"mesh": made * mm3, "region": volume * mm3}))
         return tuple(found)
+
+    @cached_property
+    def least_determinant(self) -> float:
+        """Part of its mean one below which no hex's Jacobian determinant is known to fall."""
+        mesh = Mesh(self.placed.points, "hex8", connectivity=self.hexes.cells)
+        return certify(mesh, self.placed.hexes.device).certificate.least_ratio
 
     def finished(self) -> Blocks:
         """Make the mesh with its report."""

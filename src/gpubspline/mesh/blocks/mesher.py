@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,8 @@ from gpubspline.device import Device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
+from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn
 from gpubspline.mesh.blocks.level_set import LevelSet, Part, level_set, part_of
-from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.result import Attempt, Blocks
 from gpubspline.mesh.improve import POOR, Effort
@@ -26,8 +27,11 @@ GOOD = 0.7
 MOST_TRIED = 20_000
 """Hexes, of all attempts, from which no other place is tried where the worst is not poor: time is linear in them."""
 
-MOST_LOST = 1.2
-"""How far, in elements, a feature may stand out of the mesh without another place being tried."""
+MOST_MENDED = 100_000
+"""Hexes, of all attempts, from which no other place is tried where the worst is poor, but none is inverted."""
+
+TINY = 0.03
+"""A hex whose least determinant is a smaller part of its mean one is poor, whatever its angles."""
 
 MOST_OFF = 0.05
 """By what part the volume of one of several bodies may be off without another place being tried."""
@@ -47,10 +51,11 @@ def blocks_mesh(
     """Mesh a region of any topology with hexes of about one size, none inverted.
 
     Cells of a lattice that lie inside are the core; a layer of hexes grows from its boundary to the region's surface;
-    nodes then move until the worst hex is as good as it gets, those of the surface along the surface. Where the worst
-    stays poor, the topology differs or a feature is lost, the lattice is shifted or turned and all is done again; where
-    the worst is merely not good, as long as the mesh is small. Of several bodies one that is not poor is enough, and
-    each must have its volume.
+    nodes then move until the worst hex is as good as it gets, those of the surface along the surface. Where the
+    topology would differ or a feature be lost, the lattice is shifted and turned first, and the place taken that loses
+    least. Where the worst hex stays poor, all is done again in other places, until the meshes are large; where it is
+    merely not good, as long as they are small. Of several bodies one that is not poor is enough, and each must have its
+    volume.
 
     Arguments
     ---------
@@ -75,44 +80,68 @@ def blocks_mesh(
     """
     parts = parts or {}
     check_parts(region, parts)
-    best: Grown | None = None
+    best: tuple[Laid, Grown] | None = None
     tried: list[Attempt] = []
-    failure = MeshError(f"expected at least one attempt, got {attempts}")
-    for number in range(attempts):
-        place = placement(number)
-        axes = place.axes(rotation)
-        level = level_set(region, size_mm, rotation=axes, offset=place.offset, device=device)
+    failure: Failure = MeshError(f"expected at least one attempt, got {attempts}")
+    made_hexes = 0
+    for laid in in_turn(partial(_lay, region, size_mm, parts, rotation, device), attempts):
+        if not isinstance(laid, Laid):
+            failure = laid
+            continue
+        if best is not None and laid.wrong > best[0].wrong and not _is_poor(best[1]):
+            tried.append(Attempt(laid.place, laid.elements, None, laid.core.euler["mesh"]))
+            continue
+        made_hexes += laid.elements
         try:
-            within = {name: part_of(level, part, device=device) for name, part in parts.items()}
-            core = find_core(level, within)
-            if best is not None and best.core.is_whole and not core.is_whole:
-                tried.append(Attempt(place, count_hexes(core.cells > 0), None, core.euler["mesh"]))
-                continue
-            made = grow(level, core, device, effort, within, allow_inverted=allow_inverted)
+            made = grow(laid.level, laid.core, device, effort, laid.within, allow_inverted=allow_inverted)
         except MeshError as error:
             failure = error
             continue
-        tried.append(Attempt(place, made.placed.hexes.n_elements, made.placed.nodes.least, core.euler["mesh"]))
-        if best is None or _merit(made) > _merit(best):
-            best = made
-        if _merit(best) >= (True, True, True, POOR if parts else _enough(tried)):
+        elements, least = made.placed.hexes.n_elements, made.placed.nodes.least
+        tried.append(Attempt(laid.place, elements, least, laid.core.euler["mesh"]))
+        if best is None or _merit(laid, made) > _merit(*best):
+            best = laid, made
+        if _is_enough(best[1], made_hexes):
             break
     if best is None:
         raise failure
-    finished = best.finished()
+    finished = best[1].finished()
     return replace(finished, report=replace(finished.report, attempts=tuple(tried)))
 
 
-def _merit(made: Grown) -> tuple[bool, bool, bool, float]:
-    """Right topology first, then that nothing is lost and bodies have their volumes, then the worst hex."""
-    kept = all(feature.out_mm <= MOST_LOST * made.level.size_mm for feature in made.lost)
-    full = all(abs(body.off) <= MOST_OFF for body in made.bodies)
-    return made.core.is_whole, kept, full, made.placed.nodes.least
+def _lay(
+    region: Region,
+    size_mm: float,
+    parts: Mapping[str, Region],
+    rotation: NDArray[np.float64] | None,
+    device: Device,
+    number: int,
+) -> Laid:
+    """Lay the lattice in the place of a number; raises InputError or MeshError where it has no sound core."""
+    place = placement(number)
+    level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
+    within = {name: part_of(level, part, device=device) for name, part in parts.items()}
+    return Laid(place, level, within, find_core(level, within))
 
 
-def _enough(tried: list[Attempt]) -> float:
-    """Worst scaled Jacobian with which no other place is tried."""
-    return GOOD if sum(attempt.elements for attempt in tried) < MOST_TRIED else POOR
+def _merit(laid: Laid, made: Grown) -> tuple[bool, float, bool, float]:
+    """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
+    return not _is_poor(made), -laid.wrong, _is_full(made), made.placed.nodes.least
+
+
+def _is_poor(made: Grown) -> bool:
+    return made.placed.nodes.least < POOR or made.least_determinant < TINY
+
+
+def _is_full(made: Grown) -> bool:
+    return all(abs(body.off) <= MOST_OFF for body in made.bodies)
+
+
+def _is_enough(best: Grown, made_hexes: int) -> bool:
+    """Whether no other place is tried."""
+    if _is_poor(best) or not _is_full(best):
+        return made_hexes >= MOST_MENDED and best.placed.nodes.least > 0
+    return made_hexes >= MOST_TRIED or best.placed.nodes.least >= (POOR if best.volumes else GOOD)
 
 
 def mesh_level_set(

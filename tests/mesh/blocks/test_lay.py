@@ -1,0 +1,67 @@
+"""Lattices are laid before hexes are made: which loses least is grown first, and why is told."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from gpubspline.bench.bench_blocks import three_arms
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
+from gpubspline.errors import MeshError
+from gpubspline.mesh.blocks import mesher
+from gpubspline.mesh.blocks.lay import in_turn
+from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.placement import placement
+
+
+@dataclass
+class Told:
+    number: int
+    wrong: float
+
+
+@pytest.mark.parametrize(
+    ("losses", "turns", "laid"),
+    [
+        ([0, 3, 2], [0, 1, 2], [0, 1, 2]),  # the first is right: the others as they come
+        ([4, 3, 0, 1], [2, 3, 1, 0], [0, 1, 2, 3, 1, 0]),  # all until one is right, which is not laid again
+        ([4, None, 2], [2, 0, None], [0, 1, 2, 0, 1]),
+        ([None], [None], [0]),
+    ],
+)
+def test_places_come_by_what_they_lose(losses, turns, laid, monkeypatch):
+    asked = []
+
+    def lay(number):
+        asked.append(number)
+        if losses[number] is None:
+            raise MeshError("no core")
+        return Told(number, losses[number])
+
+    monkeypatch.setattr("gpubspline.mesh.blocks.lay.Laid", Told)
+    given = [getattr(found, "number", None) for found in in_turn(lay, len(losses))]
+    assert given == turns and asked == laid
+
+
+def test_a_place_that_keeps_the_topology_is_taken(device: Device) -> None:
+    """A plate of 1.6 elements with a hole of 1.5, askew: where the lattice lies first the hole is closed."""
+    size = 2.0
+    k, j, i = np.indices((15, 41, 41)) * 0.5
+    plate = np.maximum(np.abs(k - 3.5) - 0.8 * size, np.maximum(np.abs(j - 10), np.abs(i - 10)) - 8)
+    distance = np.maximum(plate, 0.75 * size - np.hypot(i - 10, j - 10)).astype(np.float32)
+    region = Region(distance < 0, distance, np.diag([0.5, 0.5, 0.5, 1.0]))
+    made = blocks_mesh(region, size, rotation=placement(1).axes(None), device=device)
+    assert made.report.euler == {"mesh": 0, "region": 0}
+    first = made.report.attempts[0]
+    assert first.euler == 0 and first.min_scaled_jacobian is not None
+    assert first.placement.turn_degrees == placement(1).turn_degrees
+
+
+def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, device: Device) -> None:
+    monkeypatch.setattr(mesher, "TINY", 1.0)
+    monkeypatch.setattr(mesher, "GOOD", 0.0)
+    made = blocks_mesh(three_arms(), 5.0, attempts=2, device=device)
+    assert len(made.report.attempts) == 2
+    monkeypatch.setattr(mesher, "MOST_MENDED", 1)
+    assert len(blocks_mesh(three_arms(), 5.0, attempts=2, device=device).report.attempts) == 1
