@@ -9,9 +9,10 @@ import pytest
 from gpubspline.clock import Clock
 from gpubspline.ct.region import region_from_threshold
 from gpubspline.ct.volume import Volume
-from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.errors import GpubsplineWarning, InputError, MeshError
 from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
+from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.quality import assess
 from gpubspline.methods import (
     Choice,
@@ -20,6 +21,7 @@ from gpubspline.methods import (
     implied,
     is_row_convex,
     mesh_body,
+    refuse_remnant,
     warn_of_bridges,
     warn_of_closed,
     warn_of_topology,
@@ -279,7 +281,7 @@ def test_what_surfaces_and_sizes_refuse(run, ball, fork_file, tmp_path):
         (["mesh", fork_file, "--smooth-rows", "inf", *out], "--smooth-rows of 0 to 100, got inf"),
         (["mesh", fork_file, "--smooth-rows", 1e6, *out], "--smooth-rows of 0 to 100, got 1e+06"),
         (["mesh", fork_file, "--smooth", 1e9, *out], "a smoothing of at most 100 voxels, got"),
-        (["mesh", ball, "--method", "blocks", "--size", 40, *out], "thicker than an element"),
+        (["mesh", ball, "--method", "blocks", "--size", 40, *out], "thicker than an element of 40 mm, got "),
         (["mesh", fork_file, "--method", "blocks", "-o", tmp_path / "m.vts"], "no --output .vts, which is for tensor"),
         (["mesh", fork_file, "--size", 2, "-o", tmp_path / "m.x", "--format", "vts"], "got --output .vts of the te"),
         (["mesh", ball, "-o", tmp_path / "m.vts"], "a CT for the tensor method (--output .vts is for it)"),
@@ -326,3 +328,15 @@ def test_other_topology_is_warned_of():
     warn_of_topology({"mesh": 1, "region": 1}, 2.0)
     with pytest.warns(GpubsplineWarning, match="Euler characteristic -3, not -5.*--size below 2 mm"):
         warn_of_topology({"mesh": -3, "region": -5}, 2.0)
+
+
+def test_blocks_that_miss_most_of_a_region_are_refused(device):
+    """A ball in the middle of a plate half as thick as an element: what is thick enough is a quarter of the whole."""
+
+    def plate(x, y, z):
+        return np.minimum(np.hypot(np.hypot(x, y), z) - 5, np.maximum.reduce([abs(x) - 21, abs(y) - 19, abs(z) - 1.2]))
+
+    region = body_of(plate).region
+    made = blocks_mesh(region, 4.0, device=device, attempts=1)
+    with pytest.raises(MeshError, match=r"hexes of 4 mm to fill the region, got [12]\d% of it: .* as at \(.*\) mm; "):
+        refuse_remnant(made, region)

@@ -10,7 +10,7 @@ import numpy as np
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.errors import GpubsplineWarning, InputError, MeshError
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
@@ -30,6 +30,9 @@ METHODS = ("auto", "tensor", "butterfly", "blocks")
 
 BRIDGED = 0.05
 """Relative difference of volumes of mesh and region from which the tensor method warns."""
+
+REMNANT = 1 / 3
+"""Of the region: a mesh of blocks that holds less is none of it."""
 
 SECONDS_PER_HEX = 2.5e-4
 """What a hex of blocks takes on two cores without others, about: measured from ten thousand to a million."""
@@ -234,6 +237,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
     made = blocks_mesh(body.region, size, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
+    refuse_remnant(made, body.region)
     made = refine(made, meshing.refine, device=device)
     mesh, figures = (made.mesh, {}) if element == "hex8" else _curved(made, element, device)
     if parts:
@@ -248,6 +252,17 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     warn_of_topology(made.report.euler, size)
     warn_of_bodies(made.report.bodies, parts, size)
     return Meshed(mesh, made.report.to_dict() | figures)
+
+
+def refuse_remnant(made: Blocks, region: Region) -> None:
+    """Raise MeshError where blocks hold so little of a region that they are no mesh of it."""
+    share, lost = made.mesh.volume_mm3 / region.volume_mm3, made.report.lost_features
+    if share < REMNANT and lost:
+        place = ", ".join(f"{x:.4g}" for x in lost[0].place_mm)
+        raise MeshError(
+            f"expected hexes of {made.report.size_mm:.3g} mm to fill the region, got {share:.0%} of it: it is thinner "
+            f"than they are, as at ({place}) mm; ask for a smaller size or close the region's pores first"
+        )
 
 
 def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str, Any]]:

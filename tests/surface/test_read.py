@@ -8,6 +8,7 @@ import pytest
 
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.surface.read import EXTENSIONS, is_surface, read_surface
+from gpubspline.surface.surface import Surface
 
 
 def save(surface, path):
@@ -93,3 +94,36 @@ def test_the_published_bone(data):
     bone = read_surface(data / "surfaces" / "bone.ply")
     assert (len(bone.points), bone.euler) == (6046, 2)  # one of its 6047 points is no triangle's
     assert bone.volume_mm3 == pytest.approx(29159, abs=1)  # its publishers' figure
+
+
+@pytest.mark.parametrize("extension", [".ply", ".stl"])
+def test_points_that_are_no_places_are_refused_with_their_neighbours(shapes, extension, tmp_path):
+    body = shapes.box()
+    points = body.points.copy()
+    points[3, 1] = np.nan
+    meshio.write_points_cells(tmp_path / f"a{extension}", points, [("triangle", body.triangles)])
+    found = rf"finite coordinates in a{extension}, got NaN or infinity in \d of \d+ points, the first beside \(.*\) mm"
+    with pytest.raises(InputError, match=found):
+        read_surface(tmp_path / f"a{extension}")
+    points[3] = body.points[3]
+    points = np.concatenate([points, np.full((2, 3), np.nan)])  # of no triangle
+    meshio.write_points_cells(tmp_path / "b.ply", points, [("triangle", body.triangles)])
+    assert read_surface(tmp_path / "b.ply").volume_mm3 == pytest.approx(24)
+
+
+def test_flat_sheets_are_refused(shapes, tmp_path):
+    body = shapes.sphere(n=12)
+    turned = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    save(Surface(body.points * [1, 1, 0] @ turned, body.triangles), tmp_path / "a.off")
+    with pytest.raises(InputError, match=r"a\.off to enclose a volume, got a flat sheet of .* mm round \(.*\) mm"):
+        read_surface(tmp_path / "a.off")
+
+
+def test_of_what_is_refused_nothing_else_is_said(shapes, tmp_path):
+    """A hole too large to be closed, beside triangles given twice and turned ones, which would be warned of."""
+    box = shapes.box()
+    faulty = np.concatenate([box.triangles[1:], box.triangles[5:6], box.triangles[7:8, ::-1]])
+    save(Surface(box.points, faulty), tmp_path / "a.ply")
+    with warnings.catch_warnings(), pytest.raises(InputError, match="edges that are open"):
+        warnings.simplefilter("error")
+        read_surface(tmp_path / "a.ply")

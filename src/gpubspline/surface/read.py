@@ -19,13 +19,16 @@ from gpubspline.surface.crossings import check_apart
 from gpubspline.surface.edges import find_edges
 from gpubspline.surface.mend import Mending, mended
 from gpubspline.surface.obj import read_obj
-from gpubspline.surface.surface import Floats, Integers, Surface
+from gpubspline.surface.surface import Floats, Integers, Surface, spelled
 
 MESHIO = {".stl": "stl", ".ply": "ply", ".off": "off"}
 EXTENSIONS = (".stl", ".obj", ".ply", ".off", ".vtp")
 
-SMALLEST_MM = 1.0
-"""A surface that is smaller is taken for one in other units."""
+SMALLEST_MM, LARGEST_MM = 1.0, 1e4
+"""A surface that is smaller or larger is taken for one in other units."""
+
+FLAT = 1e-6
+"""Of the surface's extent: how far points may lie off a plane that they are all in."""
 
 SAME = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 """Of the surface's extent: points of open edges nearer than the first of these that closes it are one."""
@@ -56,21 +59,61 @@ def read_surface(path: str | Path) -> Surface:
     points, triangles = {".vtp": _read_vtp, ".obj": read_obj}.get(path.suffix.lower(), _read_meshio)(path)
     if not len(triangles):
         raise InputError(f"expected triangles in {path.name}, got none")
-    surface, mendings = _mended(Surface(points, triangles), path.name)
-    surface = closed(surface, path.name)
-    check_apart(surface, path.name)
-    if mendings:
-        what = "; ".join(map(str, mendings))
-        warnings.warn(f"{path.name} was mended: {what}", GpubsplineWarning, stacklevel=2)
-    _warn_of_units(surface, path.name)
+    _check_places(points, triangles, path.name)
+    with warnings.catch_warnings(record=True) as heard:  # said of what is taken: of what is refused one line says all
+        warnings.simplefilter("always")
+        surface, mendings = _mended(_used(points, triangles), path.name)
+        if mendings:
+            what = "; ".join(map(str, mendings))
+            warnings.warn(f"{path.name} was mended: {what}", GpubsplineWarning, stacklevel=2)
+        surface = closed(surface, path.name)
+        check_apart(surface, path.name)
+        _warn_of_units(surface, path.name)
+    for warning in heard:
+        warnings.warn(warning.message, stacklevel=2)
     return surface
 
 
+def _check_places(points: Floats, triangles: Integers, name: str) -> None:
+    """Refuse triangles with corners that are no places, and those that lie in one plane."""
+    if not 0 <= triangles.min() <= triangles.max() < len(points):
+        raise InputError(f"cannot read {name}: expected points 0 to {len(points) - 1}, got others in its triangles")
+    finite = np.asarray(np.isfinite(points).all(axis=1))
+    touched = ~finite[triangles].all(axis=1)
+    if touched.any():
+        beside = np.flatnonzero(finite & np.isin(np.arange(len(points)), triangles[touched]))
+        where = f", the first beside {spelled(points[beside[0]])}" if len(beside) else ""
+        count = len(np.setdiff1d(triangles, np.flatnonzero(finite)))
+        raise InputError(
+            f"expected finite coordinates in {name}, got NaN or infinity in {count:,} of {len(points):,} points{where}"
+            ": delete these points and close the holes, for example with MeshLab"
+        )
+    corners = points[np.unique(triangles)]
+    middle, extent = corners.mean(axis=0), np.ptp(corners, axis=0)
+    if np.linalg.svd((corners - middle).T @ (corners - middle), compute_uv=False)[2] <= (FLAT * extent.max()) ** 2:
+        size = " x ".join(f"{x:.3g}" for x in extent)
+        raise InputError(
+            f"expected {name} to enclose a volume, got a flat sheet of {size} mm round {spelled(middle)}: give it a "
+            "thickness, for example with Solidify of Blender or Offset of Meshmixer"
+        )
+
+
+def _used(points: Floats, triangles: Integers) -> Surface:
+    """Only the points of triangles."""
+    used, number = np.unique(triangles, return_inverse=True)
+    return Surface(points[used], number.reshape(triangles.shape))
+
+
 def _warn_of_units(surface: Surface, name: str) -> None:
-    low, high = surface.box
-    if (high - low).max() < SMALLEST_MM:
-        size = " x ".join(f"{x:.3g}" for x in high - low)
-        warnings.warn(f"{name} is {size} mm: are its coordinates mm, not metres?", GpubsplineWarning, stacklevel=3)
+    extent = np.ptp(np.stack(surface.box), axis=0)
+    size = " x ".join(f"{x:.3g}" for x in extent)
+    if extent.max() < SMALLEST_MM:
+        asked = "are its coordinates mm, not metres? Those want to be multiplied by 1,000"
+    elif extent.max() > LARGEST_MM:
+        asked = "are its coordinates mm, not micrometres? Those want to be divided by 1,000"
+    else:
+        return
+    warnings.warn(f"{name} is {size} mm: {asked}", GpubsplineWarning, stacklevel=3)
 
 
 def _read_meshio(path: Path) -> tuple[Floats, Integers]:
@@ -81,6 +124,8 @@ def _read_meshio(path: Path) -> tuple[Floats, Integers]:
             mesh = meshio.read(path, file_format=MESHIO[path.suffix.lower()])
     except (SystemExit, Exception) as error:  # meshio raises what its parsers happen to raise, and exits
         reason = "its header is of no such file" if isinstance(error, SystemExit) else str(error)
+        if isinstance(error, UnicodeDecodeError):
+            reason = "it is no text, and no binary file of that form or cut short"
         raise InputError(f"cannot read {path.name} as {path.suffix[1:].upper()}: {reason}") from None
     faces = [_fan(block.data) for block in mesh.cells if block.type.startswith(("triangle", "quad", "polygon"))]
     points = np.asarray(mesh.points, dtype=np.float64)

@@ -11,7 +11,7 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.surface.inside import winding_numbers
 from gpubspline.surface.nearest import Finder, finder
-from gpubspline.surface.surface import Floats, Surface
+from gpubspline.surface.surface import Floats, Surface, spelled
 
 MARGIN = 6
 """Voxels around the surface on a grid of its own."""
@@ -57,7 +57,8 @@ def region_from_surface(
         low, high = surface.box
         size = "x".join(f"{x:.3g}" for x in high - low)
         raise InputError(
-            f"expected a surface with voxel centres inside, got one of {size} mm that holds none: try a smaller size"
+            f"expected a surface with voxel centres inside, got one of {size} mm that holds none round "
+            f"{spelled((low + high) / 2)}: it is thinner than a voxel, try a smaller size"
         )
     return Region(mask, _signed(surface, mask, affine, device), affine)
 

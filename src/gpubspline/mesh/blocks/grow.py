@@ -166,7 +166,11 @@ def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
         )
     _check_present(level, cells, parts or {})
     if not cells.any():
-        raise InputError(f"expected a region thicker than an element of {level.size_mm:g} mm: ask for a smaller size")
+        deepest = np.array(np.unravel_index(np.argmin(level.phi), level.phi.shape)[::-1]) / SAMPLES
+        raise InputError(
+            f"expected a region thicker than an element of {level.size_mm:g} mm, got one that is thinner even at "
+            f"{_place(level, deepest)}: ask for a smaller size"
+        )
     cells[~largest_body(cells > 0)] = 0
     return Core(cells, flips, {"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)})
 
