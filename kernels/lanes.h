@@ -115,6 +115,15 @@ inline void fetch(__global const real *p, size_t offset, int count)
 #endif
 }
 
+inline void fetch_int(__global const int *p, size_t offset)
+{
+#if LANES > 1 && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+    __builtin_prefetch(p + offset);
+#endif
+#endif
+}
+
 inline void stream(realv v, __global real *p, size_t offset, int count)
 {
     PAST_CACHES(realv, v, p, offset, count)

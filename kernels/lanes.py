@@ -21,7 +21,7 @@ REGISTER_BYTES = 64
 # Lanes are loops: not unrolled before they are made vectors, each becomes one instruction, or up to 4 where registers
 # are shorter. Products and sums may be fused: for what need not round alike on both backends, as meshes must. Vectors
 # kept on a stack that is not aligned to them lie in two lines of the cache each.
-FUSED = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast -mstackrealign"
+FUSED = "-march=native -mllvm=-inline-threshold=40000 -mllvm=-unroll-full-max-count=4 -ffp-contract=fast -mstackrealign"
 
 
 @wp.func
@@ -40,5 +40,5 @@ def inverse_root(squared: Any):
     __builtin_prefetch(reinterpret_cast<const char*>(plane.data) + size_t(at) * plane.strides[0]);
 #endif
 """)
-def fetch(plane: LaneArray, at: wp.int32) -> None:
+def fetch(plane: wp.array(dtype=Any), at: wp.int32) -> None:
     """Ask a CPU's caches for what will be needed."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gpubspline.analysis.clusters import Clusters, clusters, in_space
 from gpubspline.analysis.moduli import MODULI, check_material, lame_moduli
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
@@ -45,6 +46,7 @@ class Stiffness:
     forces, fluxes: what was last computed, (3, k, m) and, but for hex8, (g, 3, 3, m).
     structure: nodes per direction, where the mesh is structured and of isotropic hex8 of full integration, else None;
         ``apply`` then needs no connectivity.
+    clusters: in which a CPU takes other such elements, which are in their order here, else None.
     partial: what it writes on the way, see ``structured_elasticity.py``; else None.
     """
 
@@ -66,6 +68,7 @@ class Stiffness:
     fluxes: Buffer
     roots: tuple[Buffer, Buffer, Buffer] | None = None
     structure: tuple[int, ...] | None = None
+    clusters: Clusters | None = None
     partial: Buffer | None = None
 
     @property
@@ -75,6 +78,9 @@ class Stiffness:
 
     def apply(self, displacement: Buffer, free: Buffer, out: Buffer) -> None:
         """Write the nodal forces K u (3, n), N, of a displacement u (3, n), mm; 0 where ``free`` (3, n) is 0."""
+        if self.clusters is not None:
+            self.clusters.apply(self.device, displacement, self.lame, free, out)
+            return
         if self.structure is None:
             self.element_forces(displacement)
             self._gather(self.forces, 3, free, out)
@@ -146,22 +152,28 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
     """
     _check(mesh, modulus, formulation)
     cells, element = mesh.cells, mesh.element
+    simple = element.n_nodes == 8 and formulation == "full" and not is_orthotropic(mesh)
+    by_rows = mesh.structure if simple and 24 * mesh.n_nodes < 2**31 else None  # 32-bit numbers count the shares
+    order = in_space(mesh.points, cells) if simple and by_rows is None and device.cores else np.arange(len(cells))
+    cells = cells[order]
     at, weights = element.gauss()
     nodes = device.put(np.ascontiguousarray(cells.T))
-    points = device.put((mesh.planes - mesh.planes.mean(axis=1, dtype=np.float64)[:, None]).astype(np.float64))
+    places = (mesh.planes - mesh.planes.mean(axis=1, dtype=np.float64)[:, None]).astype(np.float64)
+    points = device.put(places)
     slopes = device.put(np.ascontiguousarray(element.gradient(at).transpose(1, 2, 0)))
-    _check_jacobians(mesh, device, points, nodes, slopes, len(weights))
-    lame = [device.put(values) for values in lame_moduli(mesh, cells, element.shape(at), modulus)]
+    _check_jacobians(mesh, device, points, nodes, slopes, order)
+    moduli = lame_moduli(mesh, cells, element.shape(at), modulus, order)
+    for values in moduli:
+        values[:, mesh.n_elements :] = 0  # elements that only fill the last vector
+    lame = [device.put(values) for values in moduli]
     start, slots = _slots(cells, mesh.n_nodes)
     modes, roots = device.empty(1), _roots(mesh, device)
-    simple = element.n_nodes == 8 and roots is None and formulation == "full"
-    by_rows = mesh.structure if simple and 24 * mesh.n_nodes < 2**31 else None  # 32-bit numbers count the shares
     if formulation == "incompatible":
         modes = _inverse_modes(device, points, mesh.n_nodes, nodes, mesh.n_elements, lame)
     return Stiffness(
         device=device,
         n_nodes=mesh.n_nodes,
-        n_elements=mesh.n_elements,
+        n_elements=len(cells),
         n_vertices=element.n_nodes,
         modulus=modulus,
         formulation=FORMULATIONS.index(formulation),
@@ -177,6 +189,7 @@ def stiffness(mesh: Mesh, device: Device, modulus: str = "graded", formulation: 
         fluxes=device.empty(1 if element.n_nodes == 8 and roots is None else 9 * len(weights) * mesh.n_elements),
         roots=roots,
         structure=by_rows,
+        clusters=clusters(places, cells, device) if simple and by_rows is None and device.cores else None,
         partial=None if by_rows is None else _partial(by_rows, device),
     )
 
@@ -219,11 +232,14 @@ def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
         raise InputError(f"expected fewer elements than a 32-bit number counts, got {mesh.n_elements:,}")
 
 
-def _check_jacobians(mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, slopes: Buffer, n_points: int) -> None:
-    out = device.empty((n_points, mesh.n_elements))
-    where = (points, mesh.n_nodes, nodes, mesh.element.n_nodes, mesh.n_elements)
-    device.launch("isoparametric.jacobians", mesh.n_elements, *where, slopes, n_points, out)
-    bad = np.flatnonzero(~(device.get(out).min(axis=0) > 0))
+def _check_jacobians(
+    mesh: Mesh, device: Device, points: Buffer, nodes: Buffer, slopes: Buffer, order: NDArray[np.intp]
+) -> None:
+    n_points = slopes.size // (3 * mesh.element.n_nodes)
+    out = device.empty((n_points, len(order)))
+    where = (points, mesh.n_nodes, nodes, mesh.element.n_nodes, len(order))
+    device.launch("isoparametric.jacobians", len(order), *where, slopes, n_points, out)
+    bad = np.unique(order[~(device.get(out).min(axis=0) > 0)])
     if len(bad):
         raise InputError(f"expected no inverted element, got {len(bad)}, the first of them number {bad[0] + 1}")
 
