@@ -73,3 +73,11 @@ def test_a_disk_without_room_is_refused_before_the_file(run: Any, ball: str, mon
 def test_a_format_that_holds_no_such_element_is_not_praised_for_it(run: Any, ball: str) -> None:
     assert "got tet4\n" in run("mesh", ball, *ONE_MM, "--element", "tet4", "-o", "m.vtu")[2]
     assert "got hex27; .vtu holds them\n" in run("mesh", ball, *ONE_MM, "--element", "hex27", "-o", "m.inp")[2]
+
+
+def test_an_empty_mesh_file_is_called_so(run: Any, ball: str) -> None:
+    Path("m.vtu").touch()
+    assert run("quality", "m.vtu")[::2] == (
+        2,
+        "gpubspline: error: expected a mesh that meshio can read, got m.vtu: an empty file\n",
+    )

@@ -142,7 +142,7 @@ def _femur_side(mesh: Mesh) -> str:
     off = float(x[height >= 0.9].mean() - (upper.min() + upper.max()) / 2)
     if abs(off) < _TELLING * width_mm(mesh):
         raise InputError(
-            "expected a femur along z whose head tells its side, got one whose top lies in the middle: "
+            "expected a femur along z whose head tells its side, got a body whose top lies in the middle: "
             'say axes = "left femur" or "right femur" in the load case'
         )
     return "left" if off < 0 else "right"

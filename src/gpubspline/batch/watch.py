@@ -82,7 +82,8 @@ def record_line(record: Record) -> str:
     parts = [f"{mesh['elements']:,} {mesh['element_type']}"] if mesh else []
     for name, words in (("scaled_jacobian_min", "scaled Jacobian from {:.3f}"), ("stiffness_n_per_mm", "{:.4g} N/mm")):
         parts += [words.format(known[name])] if known[name] is not None else []
-    warned = f", {len(record.warnings)} warnings" if record.warnings else ""
+    count = len(record.warnings)
+    warned = f", {count} warning{'' if count == 1 else 's'}" if count else ""
     return f"{record.subject:16} done     {', '.join(parts)}; {record.seconds:.1f} s{warned}"
 
 

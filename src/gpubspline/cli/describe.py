@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpubspline.cli.describe_material import material_lines
 from gpubspline.ct.region import otsu_threshold
@@ -32,11 +33,19 @@ def volume_lines(volume: Volume) -> list[str]:
     return [
         f"source     {volume.source}",
         f"voxels     {_by(volume.shape)} of {_by(volume.spacing_mm, '.4g')} mm{tilt}",
-        "extent     "
-        + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
-        + " mm LPS",
+        _extent(low, high) + " LPS",
         f"HU         {_range_of(volume)}",
     ]
+
+
+def _extent(low: NDArray[Any], high: NDArray[Any]) -> str:
+    ranges = (f"{axis} {_tenths(a)} to {_tenths(b)}" for axis, a, b in zip("xyz", low, high, strict=True))
+    return f"extent     {', '.join(ranges)} mm"
+
+
+def _tenths(value: float) -> str:
+    """A number to a tenth, and 0.0 where that is nothing."""
+    return f"{round(float(value), 1) + 0.0:.1f}"
 
 
 def _range_of(volume: Volume) -> str:
@@ -51,7 +60,7 @@ def surface_lines(surface: Surface) -> list[str]:
     low, high = surface.points.min(axis=0), surface.points.max(axis=0)
     return [
         f"surface    closed, {len(surface.triangles):,} triangles, {len(surface.points):,} points",
-        "extent     " + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True)) + " mm",
+        _extent(low, high),
         f"volume     {surface.volume_mm3:,.0f} mm3",
     ]
 
@@ -63,9 +72,7 @@ def patch_lines(patch: Hyperpatch) -> list[str]:
     rational = ", rational" if patch.weights is not None else ""
     return [
         f"patch      B-spline {kind} of {_by(patch.shape)} control points, degree {_by(patch.degrees)}{rational}",
-        "extent     "
-        + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
-        + " mm LPS",
+        _extent(low, high) + " LPS",
         "channels   " + ", ".join(patch.channels),
     ]
 
@@ -83,7 +90,7 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     lines = [
         f"mesh       {mesh.n_elements:,} {mesh.element_type}, {mesh.n_nodes:,} nodes",
-        "extent     " + ", ".join(f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True)) + " mm",
+        _extent(low, high),
     ]
     for where, fields in (("nodal", mesh.fields), ("element", mesh.cell_fields)):
         lines += [f"{where:10} {name} {values.min():.6g} to {values.max():.6g}" for name, values in fields.items()]
@@ -156,7 +163,7 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
     elif modulus and "rows" in modulus:
         lines.append(
             f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}, "
-            f"off by {modulus['error']:.1e} at most; Poisson's ratio by {modulus['poisson_error']:.2g}"
+            f"off by {modulus['error']:.2g} of its size at most; Poisson's ratio by {modulus['poisson_error']:.2g}"
         )
     elif modulus:
         lines.append(f"{_UNDER}modulus by node")
@@ -212,11 +219,11 @@ def response_lines(figures: dict[str, Any]) -> list[str]:
         f"load       {case['name']}" + (f": {case['title']}" if case["title"] else ""),
     ]
     for part in figures["regions"]:
-        at = ", ".join(f"{x:.1f}" for x in part["centre_mm"])
+        at = ", ".join(map(_tenths, part["centre_mm"]))
         what = "fixed" if part["kind"] == "fixed" else f"{part['kind']} {_vector(part['force_n'])} N"
         area = f"{part['area_mm2']:,.0f} mm2" if part["area_mm2"] else f"{part['nodes']:,} nodes"
         lines.append(f"{_UNDER}{part['region']}: {what} on {area} about {at} mm")
-    at = ", ".join(f"{x:.1f}" for x in figures["max_von_mises_at_mm"])
+    at = ", ".join(map(_tenths, figures["max_von_mises_at_mm"]))
     return [
         *lines,
         f"solved     {figures['unknowns']:,} unknowns in {figures['iterations']:,} iterations, "

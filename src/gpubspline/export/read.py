@@ -174,7 +174,8 @@ def _read(path: Path) -> Any:
                 return meshio.read(path)
         except (*_BROKEN, meshio.ReadError) as error:
             words = str(error).strip().splitlines()
-            reason = words[0] if words and not isinstance(error, SystemExit) else type(error).__name__
+            reason = "an empty file" if not path.stat().st_size else "which is none, or damaged"
+            reason = words[0] if words and not isinstance(error, SystemExit) else reason
             if reason.startswith("Could not deduce"):
                 reason = f"no format that ends in {path.suffix or 'nothing'} is read"
     raise InputError(f"expected a mesh that meshio can read, got {path.name}: {reason}")
