@@ -58,7 +58,7 @@ def aims(row: Row, before: Sequence[Row] = ()) -> list[Aim]:
         return list(_beside_opencl(row, before))
     if row.device.startswith("warp:cuda"):
         return list(_share(row, GPU_SHARES.get(row.name)))
-    beside_paper = list(_beside_paper(row, before))  # other control points have no aim but this
+    beside_paper = list(_beside_paper(row))  # other control points have no aim but this
     return beside_paper or [*_share(row, SHARES.get(row.name)), *_times(row), *_seconds(row)]
 
 
@@ -94,11 +94,8 @@ def _beside_opencl(row: Row, before: Sequence[Row]) -> Iterator[Aim]:
             yield Aim(f"{SLOWEST:g} x the time of OpenCL", row.seconds <= SLOWEST * other.seconds)
 
 
-def _beside_paper(row: Row, before: Sequence[Row]) -> Iterator[Aim]:
-    """Time a node of other control points, beside the first patch of the same device and nodes."""
-    nodes = row.size.rpartition(", ")[2]
-    alike = [
-        each for each in before if (each.name, each.device) == (row.name, row.device) and each.size.endswith(nodes)
-    ]
-    if row.name == "evaluate" and alike:
-        yield Aim(f"{STEEPEST:g} x the time of the first", row.seconds <= STEEPEST * alike[0].seconds)
+def _beside_paper(row: Row) -> Iterator[Aim]:
+    """Time a node of other control points, beside the paper's patch of the same device and nodes."""
+    ratio = row.ratio.get("cubic 20x24x46")
+    if ratio is not None:
+        yield Aim(f"{STEEPEST:g} x the time of cubic 20x24x46", ratio >= 1 / STEEPEST)

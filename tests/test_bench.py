@@ -178,12 +178,13 @@ def test_aims_of_files_grow_with_them() -> None:
 
 def test_aims_beside_other_rows() -> None:
     first = Row("evaluate", "degree 3, control 20x24x46, 9x9x9 nodes", "opencl:0:0", 1.0, 1, 0.6)
-    same, slow = (Row("evaluate", "degree 5, control 64x64x64, 9x9x9 nodes", first.device, t, 1) for t in (1.5, 1.7))
+    size, paper = "degree 5, control 64x64x64, 9x9x9 nodes", {"scipy float64": 9.0, "cubic 20x24x46": 1.0}
+    same, slow = (Row("evaluate", size, first.device, seconds, 1, 0.9, paper) for seconds in (1.5, 1.7))
     warp = Row("evaluate", first.size, "warp:cpu", 4.9, 1, 0.1, {"scipy": 1.0})
     other = Row("evaluate", "degree 3, control 20x24x46, 7x7x7 nodes", "opencl:0:0", 0.1, 1)
     assert words(first) == ["55 % of bandwidth reached"]
-    assert words(same, other, first) == ["1.6 x the time of the first reached"]
-    assert words(slow, other, first) == ["1.6 x the time of the first missed"]
+    assert words(same) == ["1.6 x the time of cubic 20x24x46 reached"]
+    assert words(slow) == ["1.6 x the time of cubic 20x24x46 missed"]
     assert words(warp, other, first) == ["5 x the time of OpenCL reached"]
     assert words(warp, other) == []
 
