@@ -73,9 +73,9 @@ def compare_laws(
     InputError where the mesh is not of hexes or has no HU.
     """
     if mesh.element.dimension != 3 or "HU" not in mesh.fields:
-        held = ", ".join(mesh.fields) or "none"
+        fields = ", ".join(mesh.fields) or "none"
         raise InputError(
-            f"expected hexes with the nodal field HU to compare laws on, got {mesh.element_type} with the fields {held}"
+            f"expected hexes with the nodal field HU to compare laws on, got {mesh.element_type} with fields {fields}"
         )
     held, pulled = _ends(mesh)
     if not np.isfinite(mesh.fields["HU"]).all():
