@@ -79,7 +79,7 @@ def test_fins_inner_walls_and_loose_bits_are_dropped(shapes):
     for more, count in ((fin, 1), (loose, 1), (np.concatenate([fin, loose]), 2), (np.concatenate([wall, fin]), 1)):
         whole, words = said(with_triangles(body, points, more))
         assert triangles_of(whole) == triangles_of(body)
-        assert any(word.startswith(f"{count} triangles of fins") for word in words), words
+        assert any(word.startswith(f"{count} triangle{'s' * (count > 1)} of fins") for word in words), words
     tent = with_triangles(body, points, np.concatenate([fin, around]))
     whole, words = said(tent)  # of triangle and tent, which both close the body, the smaller goes
     assert triangles_of(whole) == triangles_of(Surface(tent.points, np.delete(tent.triangles, [300], axis=0)))
@@ -106,7 +106,7 @@ def test_open_bodies_beside_a_larger_closed_one_are_left_out(shapes):
     scrap = shapes.box((8, 8, 8), (50, 0, 0))
     both = shapes.join(Surface(scrap.points, np.delete(scrap.triangles, [0, 6], axis=0)), shapes.sphere())
     whole, words = said(both)
-    assert triangles_of(whole) == triangles_of(shapes.sphere()) and words[0].startswith("1 open bodies smaller")
+    assert triangles_of(whole) == triangles_of(shapes.sphere()) and words[0].startswith("1 open shell smaller")
     with pytest.raises(InputError, match="open"):
         said(shapes.join(Surface(scrap.points, np.delete(scrap.triangles, [0, 6], axis=0)), shapes.sphere(0.5, n=12)))
 

@@ -26,7 +26,7 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class Mending:
-    """Something that was mended: how many, what, and the place of the first, (3,) mm."""
+    """Something that was mended: how many, what, the first word with an s a plural, and the place of the first, mm."""
 
     count: int
     what: str
@@ -34,7 +34,8 @@ class Mending:
 
     def __str__(self) -> str:
         """One phrase."""
-        return f"{self.count:,} {self.what}, the first at {spelled(self.place)}"
+        what = self.what if self.count > 1 else self.what.replace("s ", " ", 1)
+        return f"{self.count:,} {what}, the first at {spelled(self.place)}"
 
 
 def mended(surface: Surface) -> tuple[Surface, list[Mending]]:
@@ -48,8 +49,9 @@ def mended(surface: Surface) -> tuple[Surface, list[Mending]]:
 
 def _each_once(surface: Surface) -> tuple[Surface, list[Mending]]:
     _, first = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
-    again = np.setdiff1d(np.arange(len(surface.triangles)), first)
-    return _without(surface, again, "triangles given twice dropped")
+    again = np.ones(len(surface.triangles), dtype=bool)
+    again[first] = False
+    return _without(surface, np.flatnonzero(again), "triangles given twice dropped")
 
 
 def _without(surface: Surface, dropped: Integers, what: str) -> tuple[Surface, list[Mending]]:
@@ -154,4 +156,4 @@ def _without_open_bodies(surface: Surface) -> tuple[Surface, list[Mending]]:
         return surface, []
     rest, _ = _without(surface, np.flatnonzero(is_open[body]), "")
     place = surface.corners[np.argmax(is_open[body])].mean(axis=0)
-    return rest, [Mending(int(is_open.sum()), "open bodies smaller than the largest left out", place)]
+    return rest, [Mending(int(is_open.sum()), "open shells smaller than the largest body left out", place)]
