@@ -10,9 +10,12 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import mesher
-from gpubspline.mesh.blocks.lay import in_turn
+from gpubspline.mesh.blocks.grow import find_core
+from gpubspline.mesh.blocks.lay import Laid, in_turn, thickened
+from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.placement import placement
+from gpubspline.mesh.blocks.repair import SOUND, patterns
 
 
 @dataclass
@@ -65,3 +68,22 @@ def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, devi
     assert len(made.report.attempts) == 2
     monkeypatch.setattr(mesher, "MOST_MENDED", 1)
     assert len(blocks_mesh(three_arms(), 5.0, attempts=2, device=device).report.attempts) == 1
+
+
+def test_walls_as_thin_as_an_element_are_kept(device: Device) -> None:
+    """A plate of one element with a hole, askew: the middles of hardly any cell lie inside it."""
+    size, place = 2.0, placement(1)
+    k, j, i = np.indices((15, 41, 41)) * 0.5
+    plate = np.maximum(np.abs(k - 3.5) - 0.5 * size, np.maximum(np.abs(j - 10), np.abs(i - 10)) - 8)
+    distance = np.maximum(plate, 0.75 * size - np.hypot(i - 10, j - 10)).astype(np.float32)
+    region = Region(distance < 0, distance, np.diag([0.5, 0.5, 0.5, 1.0]))
+    level = level_set(region, size, rotation=place.axes(None), device=device)
+    laid = Laid(place, level, {}, find_core(level))
+    assert laid.far > 3
+    whole = thickened(laid)
+    assert whole.far == 0 and whole.core.euler == {"mesh": 0, "region": 0}
+    assert SOUND[patterns(whole.core.cells)].all() and whole.core.cells.sum() > 10 * laid.core.cells.sum()
+    assert thickened(whole) is whole
+    made = blocks_mesh(region, size, rotation=place.axes(None), attempts=1, device=device)
+    assert made.report.min_scaled_jacobian > 0.6 and made.report.lost_features == ()
+    assert made.mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.02)

@@ -12,7 +12,7 @@ from gpubspline.device import Device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn
+from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, thickened
 from gpubspline.mesh.blocks.level_set import LevelSet, Part, level_set, part_of
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.result import Attempt, Blocks
@@ -121,7 +121,8 @@ def _lay(
     place = placement(number)
     level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
     within = {name: part_of(level, part, device=device) for name, part in parts.items()}
-    return Laid(place, level, within, find_core(level, within))
+    laid = Laid(place, level, within, find_core(level, within))
+    return laid if parts else thickened(laid)
 
 
 def _merit(laid: Laid, made: Grown) -> tuple[bool, float, bool, float]:
