@@ -31,7 +31,8 @@ class Stiffness:
     Attributes
     ----------
     device: where it lives.
-    n_nodes, n_elements, n_vertices: n, m and k vertices an element.
+    n_nodes, n_elements, n_vertices: n, m and k vertices an element; in clusters the last vector is
+        filled with elements of no stiffness.
     modulus: of ``MODULI``.
     formulation: position in ``FORMULATIONS``.
     points: (3, n), mm, from the middle of the mesh.
