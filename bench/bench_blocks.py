@@ -1,6 +1,6 @@
-"""What each step of the blocks method buys, and how its time grows: ``python -m gpubspline.bench.bench_blocks [FILE]``.
+"""What each step of the blocks method buys: ``python -m gpubspline.bench.bench_blocks [FILE]``.
 
-Prints two tables, and writes them to the file that is given. Bodies are analytic: a phantom's femur and a branching
+Prints a table, and writes it to the file that is given. Bodies are analytic: a phantom's femur and a branching
 one whose arms are about three elements thick.
 """
 
@@ -11,24 +11,26 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import Region
-from gpubspline.device import Device, open_device
+from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
+from gpubspline.mesh.blocks import grow, mesher, place
 from gpubspline.mesh.blocks.core import cell_means, core_cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, bulged, level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh, mesh_level_set
-from gpubspline.mesh.blocks.pillow import pillow
+from gpubspline.mesh.blocks.pillow import Pillowed, pillow
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.distance import surface_distance
 from gpubspline.mesh.improve import Effort, improve
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import FREE, movable, put_level
+from gpubspline.mesh.movable import FREE, Movable, movable, put_level
 
 Floats = NDArray[np.float64]
 
@@ -41,12 +43,22 @@ OFF: dict[str, dict[str, Any]] = {
     "no descent of all hexes": {"effort": Effort(steps=0)},
     "no floors": {"effort": Effort(goal=0.0)},
     "no descent at the floors": {"effort": Effort(floor_steps=0)},
-    "no moves of single nodes": {"effort": Effort(sweeps=0)},
+    "no moves of single nodes": {"effort": Effort(sweeps=0, polishes=0)},
+    "no more moves of them at last": {"effort": Effort(polishes=0)},
     "surface nodes never let go": {"effort": Effort(loosen=False)},
 }
 """Steps that are switched off, one at a time."""
 
 NO_PILLOW = "no pillow"
+
+REPLACED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
+    "spikes and dents of the core stay": (grow, "core_cells", lambda means: means < 0),
+    "no repair of the core": (grow, "repair", lambda cells, means: (cells, 0, np.empty((0, 3), dtype=np.int64))),
+    "start where the lattice is": (place, "start", lambda hexes, movable: _unmoved(hexes, movable)),
+}
+"""Steps that are left out by another function in their place."""
+
+ALL_PLACES = "all steps, other places tried"
 
 
 @dataclass(frozen=True)
@@ -64,7 +76,7 @@ class Outcome:
 
 def bodies() -> dict[str, tuple[Region, float]]:
     """Regions by name, each with an element size, mm."""
-    return {"adult femur": (femur(), 4.0), "three arms": (three_arms(), 3.0)}
+    return {"adult femur": (femur(), 4.0), "three arms": (three_arms(), 3.0), "rough ball": (rough_ball(), 2.0)}
 
 
 def femur() -> Region:
@@ -91,13 +103,24 @@ def three_arms(spacing: float = 1.0) -> Region:
     return Region(distance < 0, distance, affine)
 
 
+def rough_ball(spacing: float = 0.7) -> Region:
+    """A ball with bumps as wide as an element and a half: cells meet in edges and corners."""
+    line = np.arange(-16.1, 16.2, spacing)
+    x, y, z = np.meshgrid(line, line, line, indexing="ij")
+    bumps = 1.6 * np.sin(1.05 * x) * np.sin(1.05 * y) * np.sin(1.05 * z)
+    distance = np.sqrt(x * x + y * y + z * z).transpose(2, 1, 0) - 12 - bumps.transpose(2, 1, 0)
+    affine = np.diag([spacing, spacing, spacing, 1.0])
+    affine[:3, 3] = line[0]
+    return Region(distance < 0, np.ascontiguousarray(distance, dtype=np.float32), affine)
+
+
 def _capsule(points: Floats, end: Floats, radius: float) -> Floats:
     along = np.clip(points @ end / (end @ end), 0, 1)[..., None]
     return np.asarray(np.linalg.norm(points - along * end, axis=-1) - radius)
 
 
 def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iterator[Outcome]:
-    """Outcomes with every step, and without each in turn; on one lattice, so that nothing is tried twice."""
+    """Outcomes with every step, and without each in turn, on one lattice; then with other places of it."""
     for way, options in OFF.items():
         of_level = {name: value for name, value in options.items() if name in ("smoothing", "closing")}
         of_mesh = {name: value for name, value in options.items() if name not in of_level}
@@ -109,9 +132,20 @@ def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iter
             device,
             partial(_on_one_lattice, region, size_mm, device, of_level, of_mesh),
         )
+    whole = partial(_on_one_lattice, region, size_mm, device, {}, {})
+    for way, (home, name, instead) in REPLACED.items():
+        with patch.object(home, name, instead):
+            yield _timed(region, body, way, size_mm, device, whole)
+    with patch.object(mesher, "GOOD", 1.0):
+        yield _timed(region, body, ALL_PLACES, size_mm, device, partial(blocks_mesh, region, size_mm, device=device))
     start = time.perf_counter()
     elements, least = without_pillow(region, size_mm, device)
     yield Outcome(body, NO_PILLOW, elements, least, np.nan, np.nan, time.perf_counter() - start)
+
+
+def _unmoved(hexes: Pillowed, movable: Movable) -> Buffer:
+    """Nodes (3, n) where the lattice has them."""
+    return movable.device.put(np.ascontiguousarray(hexes.points.T))
 
 
 def _on_one_lattice(
@@ -124,7 +158,7 @@ def _timed(region: Region, body: str, way: str, size_mm: float, device: Device, 
     start = time.perf_counter()
     try:
         made = make()
-    except MeshError:
+    except (MeshError, ValueError, IndexError):  # what is not manifold has no layer
         return Outcome(body, way, 0, -1.0, np.nan, np.nan, time.perf_counter() - start)
     seconds = time.perf_counter() - start
     off = surface_distance(made.mesh, region, device).mean / size_mm
@@ -147,20 +181,6 @@ def without_pillow(region: Region, size_mm: float, device: Device) -> tuple[int,
     return count, improve(hexes, whole.colours[: whole.n_core], x, slack, replace(Effort(), loosen=False)).least
 
 
-def growth(sizes_mm: tuple[float, ...], device: Device) -> Iterator[Outcome]:
-    """The three arms at smaller and smaller elements."""
-    region = three_arms()
-    for size in sizes_mm:
-        yield _timed(
-            region,
-            "three arms",
-            f"{size:g} mm",
-            size,
-            device,
-            partial(blocks_mesh, region, size, device=device, attempts=1),
-        )
-
-
 def table(outcomes: list[Outcome]) -> Iterator[str]:
     """Lines of a table in Markdown."""
     yield "| body | way | hexes | worst scaled Jacobian | volume | mean distance / size | time | time / hex |"
@@ -177,12 +197,11 @@ def table(outcomes: list[Outcome]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the tables."""
+    """Print the table."""
     device = open_device("auto")
     blocks_mesh(three_arms(), 6.0, device=device)  # compiles the kernels
     lines = ["## What each step buys", ""]
     lines += table([o for body, (region, size) in bodies().items() for o in ablations(region, body, size, device)])
-    lines += ["", "## Time with size", "", *table(list(growth((3.0, 2.0, 1.4, 1.0), device)))]
     print("\n".join(lines))
     if len(sys.argv) > 1:
         Path(sys.argv[1]).write_text("\n".join(lines) + "\n", encoding="utf-8")

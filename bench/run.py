@@ -20,6 +20,7 @@ from gpubspline.bench import (
     bench_read,
     bench_resample,
     bench_scale,
+    bench_stages,
     bench_start_up,
     bench_write,
 )
@@ -40,6 +41,7 @@ ON_DEVICES: dict[str, Callable[[Place], Iterator[Row]]] = {
     "elasticity-operator": bench_elasticity.operator,
     "elasticity-solve": bench_elasticity.solves,
     "elasticity-growth": bench_elasticity.growth,
+    "blocks": bench_stages.rows,
     "start-up": bench_start_up.first_kernels,
 }
 ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {

@@ -84,11 +84,12 @@ inline int vtk_corner(int bits) // bits a + 2 b + 4 c of a corner at (a, b, c), 
     return bits ^ (bits >> 1 & 1);
 }
 
-// Least scaled Jacobian of the corners of hexes that a node at p would have a part in.
+// Least scaled Jacobian of the corners of hexes that a node at p would have a part in, and of its own edges' length times
+// `steep`.
 inline real least_round(__global const real *x, int n, __global const int *nodes, int m, __global const int *slots,
-                        int begin, int end, point p)
+                        int begin, int end, point p, real steep)
 {
-    real least = 2;
+    real least = 2, short_squared = 4 / (steep * steep);
     for (int s = begin; s < end; s++) {
         int e = slots[s] % m, own = vtk_corner(slots[s] / m);
         real sign = (own ^ own >> 1 ^ own >> 2) & 1 ? -1 : 1;
@@ -98,13 +99,14 @@ inline real least_round(__global const real *x, int n, __global const int *nodes
         point uv = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 3) * m + e]);
         point uw = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 5) * m + e]);
         point vw = at_node(x, n, nodes[(size_t)vtk_corner(own ^ 6) * m + e]);
+        short_squared = fmin(short_squared, fmin(apart(p, u), fmin(apart(p, v), apart(p, w))));
         point pu = toward(p, u), pv = toward(p, v), pw = toward(p, w);
         least = fmin(least, sign * determinant(pu, pv, pw));
         least = fmin(least, sign * determinant(pu, toward(u, uv), toward(u, uw)));
         least = fmin(least, sign * determinant(toward(v, uv), pv, toward(v, vw)));
         least = fmin(least, sign * determinant(toward(w, uw), toward(w, vw), pw));
     }
-    return least;
+    return fmin(least, steep * sqrt(short_squared));
 }
 
 // The same of quads, all of whose corners it has a part in through the normal at the centre.
@@ -138,10 +140,11 @@ inline point ahead(point p, int way, real step)
 
 // Moves each of the nodes `moved` (count), no two of which share an element, to raise the least scaled Jacobian of the
 // corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` times the node's `size`
-// halved `halvings` times where none helps.
+// halved `halvings` times where none helps. The length of a hex's edge at the node, times `steep` and over its `size`,
+// counts as a corner does.
 __kernel void improve(__global real *x, __global real *y, int n, __global const int *nodes, int k, int m, __global const int *start,
                       __global const int *slots, __global const real *slack, __global const int *levels,
-                      __global const int *moved, int begin, int count, real floor, real step, __global const real *size,
+                      __global const int *moved, int begin, int count, real floor, real steep, real step, __global const real *size,
                       int halvings, int tries, __global const real *volume, int n_i, int n_j, int n_k,
                       __global const real *to_index, __global const real *pieces, int n_pieces,
                       __global const int *around_start, __global const int *around)
@@ -156,9 +159,10 @@ __kernel void improve(__global real *x, __global real *y, int n, __global const 
     int first = start[i], last = start[i + 1], walks = n_pieces > 0 && loose < FREE, is_curve = levels[(size_t)n + i] >= 0;
     int piece = walks ? (int)x[3 * (size_t)n + i] : 0;
     step *= size[i];
+    steep /= size[i];
     point p = at_node(x, n, i), seen = at_node(y, n, i);
     real least = k == 4 ? least_quad(y, n, nodes, m, slots, first, last, seen)
-                        : least_round(y, n, nodes, m, slots, first, last, seen);
+                        : least_round(y, n, nodes, m, slots, first, last, seen, steep);
     for (int turn = 0, halved = 0; turn < tries && halved <= halvings && least < floor; turn++) {
         point best = p, best_seen = seen, normal;
         real best_least = least;
@@ -172,7 +176,7 @@ __kernel void improve(__global real *x, __global real *y, int n, __global const 
                 q = held_on(volume, n_i, n_j, n_k, to_index, levels[i], levels[(size_t)n + i], q, loose, &normal);
             r = walks ? lifted(q, pieces, n_pieces, at, is_curve, &normal) : q;
             real value = k == 4 ? least_quad(y, n, nodes, m, slots, first, last, r)
-                                : least_round(y, n, nodes, m, slots, first, last, r);
+                                : least_round(y, n, nodes, m, slots, first, last, r, steep);
             if (value > best_least) {
                 best_least = value;
                 best = q;

@@ -17,7 +17,7 @@ from typing import Any
 import warp as wp
 
 from gpubspline.kernels.energy import at_node, inverse_length, vertex
-from gpubspline.kernels.hold import FREE, held_on, lifted, walked
+from gpubspline.kernels.hold import FREE, apart, held_on, lifted, walked
 
 DIAGONAL = wp.constant(wp.float64(0.57735027))
 
@@ -121,9 +121,14 @@ def least_round(
     begin: wp.int32,
     end: wp.int32,
     p: Any,
+    steep: Any,
 ):
-    """Least scaled Jacobian of the corners of hexes that a node at p would have a part in."""
+    """Least scaled Jacobian of the corners of hexes that a node at p would have a part in.
+
+    And of its own edges' length times ``steep``.
+    """
     least = type(p[0])(2.0)
+    short_squared = least * least / (steep * steep)
     for s in range(begin, end):
         e = slots[s] % m
         own = vtk_corner(slots[s] // m)
@@ -134,6 +139,7 @@ def least_round(
         uv = vertex(x, n, nodes, m, e, vtk_corner(own ^ 3))
         uw = vertex(x, n, nodes, m, e, vtk_corner(own ^ 5))
         vw = vertex(x, n, nodes, m, e, vtk_corner(own ^ 6))
+        short_squared = wp.min(short_squared, wp.min(apart(p, u), wp.min(apart(p, v), apart(p, w))))
         pu = toward(p, u)
         pv = toward(p, v)
         pw = toward(p, w)
@@ -141,7 +147,7 @@ def least_round(
         least = wp.min(least, sign * determinant(pu, toward(u, uv), toward(u, uw)))
         least = wp.min(least, sign * determinant(toward(v, uv), pv, toward(v, vw)))
         least = wp.min(least, sign * determinant(toward(w, uw), toward(w, vw), pw))
-    return least
+    return wp.min(least, steep * wp.sqrt(short_squared))
 
 
 @wp.func
@@ -185,12 +191,13 @@ def least_at(
     begin: wp.int32,
     end: wp.int32,
     p: Any,
+    steep: Any,
 ):
     least = type(p[0])(2.0)
     if k == 4:
         least = least_quad(x, n, nodes, m, slots, begin, end, p)
     else:
-        least = least_round(x, n, nodes, m, slots, begin, end, p)
+        least = least_round(x, n, nodes, m, slots, begin, end, p, steep)
     return least
 
 
@@ -227,6 +234,7 @@ def improve(
     begin: wp.int32,
     count: wp.int32,
     floor: Any,
+    steep: Any,
     step: Any,
     size: wp.array(dtype=Any),
     halvings: wp.int32,
@@ -245,7 +253,8 @@ def improve(
     """Raise the least scaled Jacobian round each of the nodes ``moved`` (count), no two of which share an element.
 
     To ``floor`` if it can: the best of 14 directions, again from there, ``step`` times the node's ``size`` halved
-    ``halvings`` times where none helps.
+    ``halvings`` times where none helps. The length of a hex's edge at the node, times ``steep`` and over its ``size``,
+    counts as a corner does.
     """
     i = moved[begin + wp.tid() + first]
     loose = slack[i]
@@ -258,7 +267,8 @@ def improve(
         piece = wp.int32(x[3 * n + i])
     p = at_node(x, n, i)
     seen = at_node(y, n, i)
-    least = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], seen)
+    per_length = steep / size[i]
+    least = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], seen, per_length)
     length = size[i] * step
     halved = wp.int32(0)
     for _turn in range(tries):
@@ -278,7 +288,7 @@ def improve(
                 r = q
                 if walks:
                     r, _normal = lifted(q, pieces, n_pieces, at, is_curve)
-                value = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], r)
+                value = least_at(y, n, nodes, k, m, slots, start[i], start[i + 1], r, per_length)
                 if value > best_least:
                     best_least = value
                     best = q

@@ -64,7 +64,7 @@ def size_for(region: Region, elements: int, device: Device) -> float:
     """
     if elements < 8:
         raise InputError(f"expected at least 8 elements, got {elements}")
-    size = float((region.volume_mm3 / elements) ** (1 / 3))
+    size = size_of(region, elements)
     best, off = size, float("inf")
     for _ in range(ROUNDS):
         count = _count(region, size, device)

@@ -34,6 +34,19 @@ SWEEPS = 4
 REACH, HALVINGS, TRIES = 0.1, 4, 8
 """First step of a single node, in sizes of its smallest element, how often it is halved, and most steps it takes."""
 
+POLISH, PATIENCE, POLISHES = 0.02, 3, 40
+"""At last single nodes are moved to raise hexes less than so much above the worst, until so many rounds in turn gain
+nothing, or that many are done: a round costs less than a step of descent.
+"""
+
+SHORTEST = 0.2
+"""Where single nodes move, an edge of so many sizes of their smallest element counts like a corner at the floor, a
+shorter one like a worse one: scaled Jacobians do not see lengths.
+"""
+
+ANY_LENGTH: dict[str, Any] = {"polishes": 0, "shortest": 1e-6}
+"""Effort for meshes that are meant to have short edges: none counts, and nodes are not moved on and on."""
+
 TANGLED, LOOSE = 0.3, ((0.5, True), (0.5, False), (1.0, False))
 """Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths.
 
@@ -75,6 +88,8 @@ class Effort:
     goal: floor beyond which nothing is asked.
     steps, floor_steps: of descent, of all hexes and at each floor.
     sweeps: most rounds of moves of single nodes at each floor.
+    polishes: most rounds of them at last.
+    shortest: edges, in sizes of a node's smallest element, that count like a corner at the floor where it moves.
     loosen: whether surface nodes may leave the surface where hexes stay poor.
     ahead, edges: how much more than the floor the energy asks of a corner, and its weight of even edges.
     """
@@ -83,6 +98,8 @@ class Effort:
     steps: int = 80
     floor_steps: int = 60
     sweeps: int = SWEEPS
+    polishes: int = POLISHES
+    shortest: float = SHORTEST
     loosen: bool = True
     ahead: float = AHEAD
     edges: float = FLOOR_EDGES
@@ -100,6 +117,11 @@ def improve(
     slack: (n,) of the hexes.
     """
     effort = effort or Effort()
+    return lift(hexes, colours, settle(hexes, x, slack, effort), effort)
+
+
+def settle(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Placed:
+    """Lower the energy of all hexes, again where some stay tangled, at last with surface nodes round them let go."""
     best = relaxed(hexes, x, slack, effort)
     for _ in range(AGAIN):
         if best.least >= TANGLED:
@@ -113,7 +135,13 @@ def improve(
             continue
         hexes = hexes.with_slack(slack)
         best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
-    best = climb(hexes.with_slack(best.slack), colours, best, effort)
+    return best
+
+
+def lift(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Raise the floor under the worst hex, where it stays poor with surface nodes round it let go."""
+    hexes = hexes.with_slack(best.slack)
+    best = polish(hexes, colours, climb(hexes, colours, best, effort), effort)
     for loose, within in SLACK if effort.loosen else ():
         if best.least >= min(POOR, effort.goal):
             break
@@ -121,7 +149,7 @@ def improve(
         if np.array_equal(slack, best.slack):
             continue
         hexes = hexes.with_slack(slack)
-        best = climb(hexes, colours, replace(best, slack=slack), effort)
+        best = polish(hexes, colours, climb(hexes, colours, replace(best, slack=slack), effort), effort)
     return best
 
 
@@ -168,13 +196,29 @@ def raise_to(
     """Bring the hexes at x to a floor, as many as will go."""
     x, _ = descend(hexes, x, Goal(floor + effort.ahead, 2, effort.edges), steps=effort.floor_steps, cap=CAP)
     for _ in range(effort.sweeps):
-        if not sweep(hexes, colours, x, floor):
+        if not sweep(hexes, colours, x, floor, effort.shortest):
             break
     return placed(hexes, x, slack)
 
 
-def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int:
-    """Move each node of a hex below the floor to where its own worst corner is best; gives how many there were."""
+def polish(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Move single nodes round the worst hexes for as long as that raises the least."""
+    x, idle = copy(hexes, best.x), 0
+    for _ in range(effort.polishes):
+        if best.least >= effort.goal or idle == PATIENCE:
+            break
+        sweep(hexes, colours, x, min(best.least + POLISH, effort.goal), effort.shortest)
+        made = placed(hexes, x, best.slack)
+        idle = 0 if made.least > best.least else idle + 1
+        best = best if idle else replace(made, x=copy(hexes, x))
+    return best
+
+
+def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, shortest: float) -> int:
+    """Move each node of a hex below the floor to where its own worst corner is best; gives how many there were.
+
+    ``shortest``: edges that count like a corner at the floor, in sizes of the node's smallest element.
+    """
     below = hexes.scaled_jacobian(x) < floor
     if not below.any():
         return 0
@@ -184,7 +228,17 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float) -> int
     moved, device = hexes.device.put(nodes), hexes.device
     table = (hexes.nodes, hexes.n_corners, hexes.n_elements, hexes.start, hexes.slots, hexes.slack, hexes.levels, moved)
     for first, count in zip(np.cumsum(counts) - counts, counts, strict=True):
-        how = (int(first), int(count), float(floor), REACH, hexes.scale, HALVINGS, TRIES, *hexes.level.arguments)
+        how = (
+            int(first),
+            int(count),
+            float(floor),
+            floor / shortest,
+            REACH,
+            hexes.scale,
+            HALVINGS,
+            TRIES,
+            *hexes.level.arguments,
+        )
         device.launch("optimize.improve", int(count), x, hexes.slid(x), hexes.n_nodes, *table, *how)
     return len(nodes)
 

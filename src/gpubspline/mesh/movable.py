@@ -4,6 +4,7 @@ That is the zero level of a distance, or a surface of pieces that they walk on.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -141,6 +142,11 @@ class Movable:
     def _kind(self) -> str:
         return "hex" if self.n_corners == 8 else "quad"
 
+    @cached_property
+    def _table(self) -> Buffer:
+        """(m, k) vertices by element, as the quality's kernels want them."""
+        return self.device.put(self.cells)
+
     def with_slack(self, slack: NDArray[Any]) -> "Movable":
         """Give the same elements with other slack (n,)."""
         return replace(self, slack=self.device.put(slack.astype(np.float64)))
@@ -182,9 +188,8 @@ class Movable:
             self.slide(x)
         planes = self.device.get(self.slid(x)).reshape(3, -1)
         out = self.device.empty(self.n_elements)
-        points, cells = [self.device.put(plane) for plane in planes], self.device.put(self.cells)
-        kernel = f"{self._kind}_scaled_jacobian"
-        launch_explicit(kernel, points, self.n_nodes, cells, self.n_elements, out, self.device)
+        points, kernel = [self.device.put(plane) for plane in planes], f"{self._kind}_scaled_jacobian"
+        launch_explicit(kernel, points, self.n_nodes, self._table, self.n_elements, out, self.device)
         return np.array(self.device.get(out))
 
 

@@ -10,7 +10,7 @@ from gpubspline.errors import InputError
 from gpubspline.mesh.carry import carry_fields
 from gpubspline.mesh.colouring import colour_nodes
 from gpubspline.mesh.grading import graded
-from gpubspline.mesh.improve import Effort, climb, copy, improve, persist, placed
+from gpubspline.mesh.improve import ANY_LENGTH, Effort, climb, copy, improve, persist, placed
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, movable
 from gpubspline.mesh.own_surface import cuts_for, hold
@@ -92,7 +92,7 @@ def optimize(
         )
     if boundary not in ("slide", "stay"):
         raise InputError(f"expected the boundary to slide or stay, got {boundary!r}")
-    effort = replace(effort or Effort(), loosen=False)
+    effort = replace(effort or Effort(), loosen=False, **ANY_LENGTH)
     start = _Start(mesh, patch, device)
     moved, least = start.improved(start.points, start.held.at, boundary, effort)
     if boundary == "slide" and least < min(OPENED_BELOW, effort.goal):

@@ -15,7 +15,7 @@ from gpubspline.mesh.blocks.pillow import Owners, Pillowed
 from gpubspline.mesh.blocks.reach import within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
-from gpubspline.mesh.improve import POOR, Effort, Placed, copy, improve
+from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, copy, lift, settle
 from gpubspline.mesh.movable import Movable, movable, put_level
 from gpubspline.mesh.neighbourhood import edge_lengths, with_targets
 
@@ -71,29 +71,38 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
     wanted = bulged(level.phi) if bulge else level.phi
     hexes, reached = holding.by(wanted)
     colours, slack, several = holding.hexes.colours, holding.held.slack, bool(holding.interfaces)
-    x = start(holding.hexes, hexes)
+    x, effort = start(holding.hexes, hexes), effort or Effort()
     if several:
-        hexes = _as_long_as_now(hexes, x)
-    best = improve(hexes, colours, x, slack, effort)
-    made = PlacedOn(hexes, even_out(hexes, best), reached)
-    if not (bulge and best.least > 0):
-        return made
-    volume = volume_inside(level.phi)
-    chords = measure_chords(made.points, holding.hexes.quads, level.phi, volume)
-    if abs(chords.volume) <= FEW * volume and not several:
-        return made
+        hexes, effort = _as_long_as_now(hexes, x), replace(effort, **ANY_LENGTH)
+    first = PlacedOn(hexes, settle(hexes, x, slack, effort), reached)
     if several:
-        holding = replace(holding, interfaces=straightened(holding.interfaces, holding.hexes, made.points))
-    hexes, reached = holding.by(wanted + chords.field(wanted.shape))
-    effort = effort or Effort()
-    if several:
-        hexes = replace(hexes, log_lengths=made.hexes.log_lengths)
+        first = _lifted(first, colours, effort)
+    if bulge and first.nodes.least > 0:
+        volume = volume_inside(level.phi)
+        chords = measure_chords(first.points, holding.hexes.quads, level.phi, volume)
+        if abs(chords.volume) > FEW * volume or several:
+            made = _lifted(_settled_again(holding, first, wanted + chords.field(wanted.shape), effort), colours, effort)
+            if made.nodes.least >= POOR:
+                return made
+            first = first if several else _lifted(first, colours, effort)
+            return made if made.nodes.least >= first.nodes.least else first
+    return first if several else _lifted(first, colours, effort)
+
+
+def _settled_again(holding: Holding, first: PlacedOn, wanted: Field, effort: Effort) -> PlacedOn:
+    """Go on from where nodes are to another level set near by, and to straightened interfaces."""
+    if holding.interfaces:
+        holding = replace(holding, interfaces=straightened(holding.interfaces, holding.hexes, first.points))
     else:
         effort = replace(effort, steps=min(STEPS, effort.steps))
-    again = improve(hexes.with_slack(best.slack), colours, copy(hexes, best.x), best.slack, effort)
-    if again.least < min(best.least, POOR):
-        return made
-    return PlacedOn(hexes, even_out(hexes, again), reached)
+    hexes, reached = holding.by(wanted)
+    hexes = replace(hexes.with_slack(first.nodes.slack), log_lengths=first.hexes.log_lengths)
+    return PlacedOn(hexes, settle(hexes, copy(hexes, first.nodes.x), first.nodes.slack, effort), reached)
+
+
+def _lifted(settled: PlacedOn, colours: NDArray[Any], effort: Effort) -> PlacedOn:
+    """Raise the floor, then draw out short edges."""
+    return replace(settled, nodes=even_out(settled.hexes, lift(settled.hexes, colours, settled.nodes, effort)))
 
 
 def _as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
