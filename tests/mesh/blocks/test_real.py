@@ -36,6 +36,7 @@ def judge(made: Blocks, region: Region, device: Device, floor: float, vtk: bool 
         assert found.min() == pytest.approx(quality.min, abs=1e-3)
 
 
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
 def test_published_bone(data: Path, device: Device) -> None:
     """The best published mesh of it: 8,619 hexes, worst 0.610, 2.3 % of the volume lost."""
     region = region_from_surface(read_surface(data / "surfaces" / "bone.ply"), device)
@@ -49,6 +50,7 @@ def test_published_bone(data: Path, device: Device) -> None:
     assert off.mean() <= 0.02 and off.max() <= 0.25
 
 
+@pytest.mark.parametrize("device", ["warp"], indirect=True)
 def test_whole_vertebra(data: Path, device: Device) -> None:
     """Holes and processes, thin ones among them: its canal is a tunnel."""
     folder = data / "vertebra"
@@ -72,6 +74,7 @@ def test_each_backend_meshes_alike(both_devices: tuple[Device, ...]) -> None:
     assert min(least) >= 0.65 and abs(least[0] - least[1]) < 0.05
 
 
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
 def test_steps_that_the_method_stands_on(device: Device) -> None:
     """Without the pillow hexes stay poor; without the bulge volume is lost; without any step the worst hex is worse."""
     region, size = three_arms(), 3.5

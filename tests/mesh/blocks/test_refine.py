@@ -38,7 +38,7 @@ def check(fine: Blocks, coarse: Blocks, times: int, voxel_mm: float, device: Dev
     assert off.max() < 0.05 * voxel_mm and fine.report.off_surface_nodes["count"] == 0
 
 
-@pytest.mark.parametrize("times", [2, 3])
+@pytest.mark.parametrize(("times", "device"), [(2, "warp"), (3, "opencl")], indirect=["device"])
 def test_finer_meshes_are_as_good(times: int, device: Device) -> None:
     coarse = blocks_mesh(three_arms(), 3.0, device=device)
     check(refine(coarse, times, device=device), coarse, times, 1.0, device)

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from gpubspline.ct.region import Region
-from gpubspline.device import Device
+from gpubspline.device import BACKENDS, Device
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.level_set import SAMPLES, level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh
@@ -114,7 +114,10 @@ farther it is on average.
 """
 
 
-@pytest.mark.parametrize("name", BODIES)
+# backends in turn: that they mesh alike is test_real's
+@pytest.mark.parametrize(
+    ("name", "device"), [(name, BACKENDS[n % 2]) for n, name in enumerate(BODIES)], indirect=["device"]
+)
 def test_shapes_that_nothing_is_tuned_to(name: str, device: Device) -> None:
     distance, reach, size, euler, mean = BODIES[name]
     region = sampled(distance, reach)
