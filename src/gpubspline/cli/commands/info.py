@@ -24,21 +24,20 @@ def info(
     from gpubspline.export import can_read, read_mesh
     from gpubspline.surface.read import is_surface, read_surface
 
-    if source[0].suffix == ".npz":
-        from gpubspline.spline.model import load_model
+    with RunOptions().clock() as clock, clock.stage("read"):
+        if source[0].suffix == ".npz":
+            from gpubspline.spline.model import load_model
 
-        lines = describe.patch_lines(load_model(source[0]))
-    elif is_surface(source[0]):
-        try:
-            lines = describe.mesh_lines(read_mesh(source[0]))  # .stl, .ply and others hold quads, too
-        except InputError:
-            lines = describe.surface_lines(read_surface(source[0]))
-    elif can_read(source[0]):
-        lines = describe.mesh_lines(read_mesh(source[0]))
-    else:
-        from gpubspline.ct.image import read_volume
+            lines = describe.patch_lines(load_model(source[0]))
+        elif is_surface(source[0]):
+            try:
+                lines = describe.mesh_lines(read_mesh(source[0]))  # .stl, .ply and others hold quads, too
+            except InputError:
+                lines = describe.surface_lines(read_surface(source[0]))
+        elif can_read(source[0]):
+            lines = describe.mesh_lines(read_mesh(source[0]))
+        else:
+            from gpubspline.ct.image import read_volume
 
-        with RunOptions().clock() as clock, clock.stage("read"):
-            volume = read_volume(source, progress=clock.advance, **read.reading())
-        lines = describe.volume_lines(volume)
+            lines = describe.volume_lines(read_volume(source, progress=clock.advance, **read.reading()))
     RunOptions().say(lines)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from gpubspline.cli.app import app
+from gpubspline.cli.options import RunOptions
 from gpubspline.cli.options.groups import option
 from gpubspline.errors import BackendUnavailable
 from gpubspline.files import check_apart, check_writable
@@ -46,9 +47,10 @@ def view(
         check_png(path)
         check_writable(path)
         check_apart([path], [mesh])
-    found = read_mesh(mesh)
-    if not found.fields and not found.cell_fields:
-        found, _ = assess(found)
+    with RunOptions().clock() as clock, clock.stage("read"):
+        found = read_mesh(mesh)
+        if not found.fields and not found.cell_fields:
+            found, _ = assess(found)
     name = find_field([*found.fields, *found.cell_fields], field)
     check_clip(found, clip)
     if output is None and has_screen():
@@ -58,5 +60,6 @@ def view(
         except BackendUnavailable as error:
             typer.echo(f"gpubspline: warning: no window: {error}", err=True)
             check_writable(path)
-    write_picture(found, path, field=name, clip=clip, edges=True if edges else None)
+    with RunOptions().clock() as clock, clock.stage("picture"):
+        write_picture(found, path, field=name, clip=clip, edges=True if edges else None)
     typer.echo(f"wrote {path}, coloured by {name}")
