@@ -1,10 +1,10 @@
 """Multigrid for structured hex8 meshes, the preconditioner whose iterations hardly grow with refinement.
 
-The finest grid is the elements themselves, whose matrix is never formed. Coarse grids take every second node of the
-directions in which nodes lie close, and have one 3 x 3 block for each pair of neighbouring nodes. Their matrices are
-P^T S P with linear interpolation P in the grid's indices, so that they are positive definite whatever the shape of
-coarse elements. Each grid is smoothed by Chebyshev's iteration over the nodes' own blocks; the coarsest is solved
-directly. All of it may be in float32: it only steers the conjugate gradients, which work in float64.
+The finest grid is the elements themselves, whose matrix is never formed, where their product is fast. Coarse grids take
+every second node of the directions in which nodes lie close, and have one 3 x 3 block for each pair of neighbouring
+nodes. Their matrices are P^T S P with linear interpolation P in the grid's indices, so that they are positive definite
+whatever the shape of coarse elements. Each grid is smoothed by Chebyshev's iteration over the nodes' own blocks; the
+coarsest is solved directly. All of it may be in float32: it only steers the conjugate gradients, which work in float64.
 """
 
 from abc import ABC, abstractmethod
@@ -153,7 +153,7 @@ class Elements(Grid):
 
 @dataclass(frozen=True, eq=False)
 class Blocks(Grid):
-    """A coarse grid, of 27 blocks a node; see ``stencil.py``."""
+    """A grid of 27 blocks a node; see ``stencil.py``."""
 
     stencil: Buffer
 
@@ -249,9 +249,11 @@ def multigrid(k: Stiffness, counts: Counts, points: NDArray[Any], held: NDArray[
     counts: nodes per direction; points: (n, 3), mm; held: (n, 3), which directions are.
     """
     free = k.device.put(np.ascontiguousarray(~held.T, dtype=np.float64))
-    way, spacing = _transfer(k.device, counts, _spacing(counts, points))
+    # elements whose product is slower than that of blocks are gathered in blocks at once
+    close = 0.0 if k.structure is None else CLOSE
+    way, spacing = _transfer(k.device, counts, _spacing(counts, points), close)
     finest = Elements(k.device, counts, k.inverse_blocks(free), free, way, 1.0, k)
-    grids: list[Grid] = [replace(finest, largest=_largest(finest))]
+    grids: list[Grid] = [replace(finest, largest=_largest(finest))] if close else []
     stencil = _products(finest, way, ~held.T)
     while not _is_direct(way.counts):
         counts = way.counts
@@ -296,11 +298,13 @@ def _is_direct(counts: Counts) -> bool:
     return 3 * int(np.prod(counts)) * bandwidth(counts) <= DIRECT
 
 
-def _transfer(device: Device, counts: Counts, spacing: list[float]) -> tuple[Transfer, list[float]]:
+def _transfer(
+    device: Device, counts: Counts, spacing: list[float], close: float = CLOSE
+) -> tuple[Transfer, list[float]]:
     """Coarsen the directions in which nodes lie close; none where the grid itself can be solved directly."""
     least = min((size for size, n in zip(spacing, counts, strict=True) if n > 2), default=0.0)
-    close = 0.0 if _is_direct(counts) else CLOSE * least
-    halved = [n > 2 and size < close for size, n in zip(spacing, counts, strict=True)]
+    limit = 0.0 if _is_direct(counts) else close * least
+    halved = [n > 2 and size < limit for size, n in zip(spacing, counts, strict=True)]
     centres = [_centres(n) if half else np.arange(n) for n, half in zip(counts, halved, strict=True)]
     sides, below, above, functions = [], [], [], []
     for n, centre in zip(counts, centres, strict=True):

@@ -33,7 +33,7 @@ def multilevel(mesh: Mesh, held: Flags, device: Device, modulus: str, k: Stiffne
     if mesh.structure is None:
         return aggregation(mesh, held, modulus)
     n_u, n_v, n_w = mesh.structure
-    k = stiffness(mesh, device, modulus) if k is None else _copied(k, device)
+    k = stiffness(mesh, device, modulus) if k is None or k.clusters is not None else _copied(k, device)
     return multigrid(k, (n_u, n_v, n_w), mesh.points, held)
 
 
