@@ -178,7 +178,10 @@ def test_nodes_get_a_linear_stress_back():
     mesh = box("hex8", place=stirred, modulus=lambda p: 1000 + 500 * p[:, 0] - 300 * p[:, 1])
     strain = (SLOPE + SLOPE.T) / 2
     expected = hooke(strain, mesh.fields["E_MPa"][None], 0.3)[:, 0]
-    np.testing.assert_allclose(recover(mesh, mesh.points @ SLOPE.T).stress_mpa, expected, rtol=1e-10, atol=1e-12)
+    found = recover(mesh, mesh.points @ SLOPE.T)
+    np.testing.assert_allclose(found.stress_mpa, expected, rtol=1e-10, atol=1e-12)
+    even = np.repeat(strain[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]][:, None], mesh.n_nodes, axis=1)
+    np.testing.assert_allclose(found.strain, even, atol=1e-14)
     mesh = box("hex20", place=lambda p: p * [3, 2, 1], nu=0.0)
     x, _, z = mesh.points.T
     bent = recover(mesh, 1e-3 * np.stack([x * z, 0 * x, -(x**2) / 2], axis=1))

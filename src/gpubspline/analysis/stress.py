@@ -83,20 +83,23 @@ class Stress:
 
     Attributes
     ----------
-    stress_mpa: (6, n) xx, yy, zz, xy, yz, xz.
+    stress_mpa, strain: (6, n) xx, yy, zz, xy, yz, xz; shear strains are the tensor's, half the engineers'.
     energy: (n,) strain energy density, N mm/mm3, never below 0.
     figures: from the Gauss points.
     """
 
     stress_mpa: Floats
+    strain: Floats
     energy: Floats
     figures: StressFigures
 
     def fields(self) -> dict[str, NDArray[Any]]:
-        """Nodal fields (n,) for a mesh: stress, von Mises stress, principal values, strain energy density."""
-        names = ["stress_" + "xyz"[row] + "xyz"[column] + "_mpa" for row, column in COMPONENTS]
-        made = dict(zip(names, self.stress_mpa, strict=True)) | {"von_mises_mpa": von_mises(self.stress_mpa)}
+        """Nodal fields (n,) for a mesh: stress, its von Mises and principal values, strain, strain energy density."""
+        names = ["xyz"[row] + "xyz"[column] for row, column in COMPONENTS]
+        made = {f"stress_{name}_mpa": values for name, values in zip(names, self.stress_mpa, strict=True)}
+        made |= {"von_mises_mpa": von_mises(self.stress_mpa)}
         made |= {f"principal_{n}_mpa": values for n, values in enumerate(principal(self.stress_mpa), start=1)}
+        made |= {f"strain_{name}": values for name, values in zip(names, self.strain, strict=True)}
         return made | {"strain_energy_density": self.energy}
 
 
@@ -116,14 +119,14 @@ class _Seen:
     shares: list[NDArray[np.float32]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.recovered, self.volume = np.zeros((7, self.n_nodes)), np.zeros(self.n_nodes)
+        self.recovered, self.volume = np.zeros((13, self.n_nodes)), np.zeros(self.n_nodes)
 
     def recover(self, found: GaussStress, nodes: NDArray[np.int32], extrapolation: Floats) -> None:
         """Add what the elements of ``nodes`` (m, k) extrapolate to them, times their volumes."""
         volume = found.volume.sum(axis=0)
         first, last = int(nodes.min()), int(nodes.max()) + 1
         flat = (nodes.T - first).ravel()
-        for total, values in zip(self.recovered, (*found.stress, found.energy), strict=True):
+        for total, values in zip(self.recovered, (*found.stress, *found.strain, found.energy), strict=True):
             at_nodes = extrapolation @ values * volume
             total[first:last] += np.bincount(flat, at_nodes.ravel(), last - first)
         self.volume[first:last] += np.bincount(flat, np.tile(volume, nodes.shape[1]), last - first)
@@ -206,7 +209,7 @@ def recover(
         p99_von_mises_mpa=seen.percentile(0.99),
         strain_energy_nmm=seen.energy_nmm,
     )
-    return Stress(nodal[:6], np.maximum(nodal[6], 0.0), figures)
+    return Stress(nodal[:6], nodal[6:12], np.maximum(nodal[12], 0.0), figures)
 
 
 def _greatest_mean(
