@@ -15,6 +15,7 @@ from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import Region
@@ -76,7 +77,7 @@ class Outcome:
 
 def bodies() -> dict[str, tuple[Region, float]]:
     """Regions by name, each with an element size, mm."""
-    return {"adult femur": (femur(), 4.0), "three arms": (three_arms(), 3.0), "rough ball": (rough_ball(), 2.0)}
+    return {"adult femur": (femur(), 4.0), "three arms": (three_arms(), 3.0), "sponge": (sponge(), 2.0)}
 
 
 def femur() -> Region:
@@ -103,15 +104,15 @@ def three_arms(spacing: float = 1.0) -> Region:
     return Region(distance < 0, distance, affine)
 
 
-def rough_ball(spacing: float = 0.7) -> Region:
-    """A ball with bumps as wide as an element and a half: cells meet in edges and corners."""
-    line = np.arange(-16.1, 16.2, spacing)
-    x, y, z = np.meshgrid(line, line, line, indexing="ij")
-    bumps = 1.6 * np.sin(1.05 * x) * np.sin(1.05 * y) * np.sin(1.05 * z)
-    distance = np.sqrt(x * x + y * y + z * z).transpose(2, 1, 0) - 12 - bumps.transpose(2, 1, 0)
+def sponge(spacing: float = 1.0) -> Region:
+    """A ball with struts and pores about two elements wide, by distances from voxel to voxel: cells meet in edges."""
+    points = np.indices((33, 33, 33)).transpose(1, 2, 3, 0) * spacing - 16 * spacing
+    noise = gaussian_filter(np.random.default_rng(3).standard_normal(points.shape[:3]), 2.5)
+    inside = (noise > -0.3 * noise.std()) & (np.linalg.norm(points, axis=-1) < 13)
+    distance = distance_transform_edt(~inside, sampling=spacing) - distance_transform_edt(inside, sampling=spacing)
     affine = np.diag([spacing, spacing, spacing, 1.0])
-    affine[:3, 3] = line[0]
-    return Region(distance < 0, np.ascontiguousarray(distance, dtype=np.float32), affine)
+    affine[:3, 3] = -16 * spacing
+    return Region(inside, (distance - 0.5 * spacing * np.sign(distance)).astype(np.float32), affine)
 
 
 def _capsule(points: Floats, end: Floats, radius: float) -> Floats:
