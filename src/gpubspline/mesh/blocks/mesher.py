@@ -33,8 +33,8 @@ MOST_MENDED = 100_000
 TINY = 0.03
 """A hex whose least determinant is a smaller part of its mean one is poor, whatever its angles."""
 
-MOST_OFF = 0.05
-"""By what part the volume of one of several bodies may be off without another place being tried."""
+MOST_OFF = 0.02
+"""By what part the volume of one of several bodies may be off in a small mesh without another place being tried."""
 
 
 def blocks_mesh(
@@ -91,13 +91,14 @@ def blocks_mesh(
         if best is not None and laid.wrong > best[0].wrong and not _is_poor(best[1]):
             tried.append(Attempt(laid.place, laid.elements, None, laid.core.euler["mesh"]))
             continue
-        made_hexes += laid.elements
         try:
             made = grow(laid.level, laid.core, device, effort, laid.within, allow_inverted=allow_inverted)
         except MeshError as error:
             failure = error
+            made_hexes += laid.elements
             continue
         elements, least = made.placed.hexes.n_elements, made.placed.nodes.least
+        made_hexes += elements
         tried.append(Attempt(laid.place, elements, least, laid.core.euler["mesh"]))
         if best is None or _merit(laid, made) > _merit(*best):
             best = laid, made
@@ -125,24 +126,26 @@ def _lay(
     return laid if parts else thickened(laid)
 
 
-def _merit(laid: Laid, made: Grown) -> tuple[bool, float, bool, float]:
+def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:
     """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
-    return not _is_poor(made), -laid.wrong, _is_full(made), made.placed.nodes.least
+    return not _is_poor(made), -laid.wrong, -(_most_off(made) // MOST_OFF), made.placed.nodes.least
 
 
 def _is_poor(made: Grown) -> bool:
     return made.placed.nodes.least < POOR or made.least_determinant < TINY
 
 
-def _is_full(made: Grown) -> bool:
-    return all(abs(body.off) <= MOST_OFF for body in made.bodies)
+def _most_off(made: Grown) -> float:
+    """By what part the volume of one of several bodies is off at most."""
+    return max((abs(body.off) for body in made.bodies), default=0.0)
 
 
 def _is_enough(best: Grown, made_hexes: int) -> bool:
     """Whether no other place is tried."""
-    if _is_poor(best) or not _is_full(best):
+    if _is_poor(best):
         return made_hexes >= MOST_MENDED and best.placed.nodes.least > 0
-    return made_hexes >= MOST_TRIED or best.placed.nodes.least >= (POOR if best.volumes else GOOD)
+    good = best.placed.nodes.least >= (POOR if best.volumes else GOOD) and _most_off(best) <= MOST_OFF
+    return made_hexes >= MOST_TRIED or good
 
 
 def mesh_level_set(

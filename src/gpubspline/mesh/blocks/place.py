@@ -16,8 +16,8 @@ from gpubspline.mesh.blocks.reach import within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, copy, lift, settle
-from gpubspline.mesh.movable import Movable, movable, put_level
-from gpubspline.mesh.neighbourhood import edge_lengths, with_targets
+from gpubspline.mesh.movable import Movable, movable, node_sizes, node_slots, put_level
+from gpubspline.mesh.neighbourhood import edge_lengths
 
 FEW = 0.004
 """Share of the volume that faces may cut off."""
@@ -96,7 +96,7 @@ def _settled_again(holding: Holding, first: PlacedOn, wanted: Field, effort: Eff
     else:
         effort = replace(effort, steps=min(STEPS, effort.steps))
     hexes, reached = holding.by(wanted)
-    hexes = replace(hexes.with_slack(first.nodes.slack), log_lengths=first.hexes.log_lengths)
+    hexes = replace(hexes.with_slack(first.nodes.slack), log_lengths=first.hexes.log_lengths, scale=first.hexes.scale)
     return PlacedOn(hexes, settle(hexes, copy(hexes, first.nodes.x), first.nodes.slack, effort), reached)
 
 
@@ -111,4 +111,7 @@ def _as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
     Thin bodies have three hexes across an element: asked to be as long as others, they would push the surface out.
     """
     points = np.array(hexes.device.get(x)).reshape(3, -1).T.astype(np.float64)
-    return with_targets(hexes, np.clip(edge_lengths(points, hexes.cells).mean(axis=2), LEAST_LENGTH, 1.0))
+    lengths = 2 * np.log(np.clip(edge_lengths(points, hexes.cells).mean(axis=2), LEAST_LENGTH, 1.0))
+    start, slots = node_slots(hexes.cells, hexes.n_nodes)
+    scale = hexes.device.put(np.tile(node_sizes(lengths, start, slots), 3))
+    return replace(hexes, log_lengths=hexes.device.put(lengths), scale=scale)
