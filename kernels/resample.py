@@ -32,12 +32,18 @@ def beyond(t: Any, size: wp.int32):
 
 
 @wp.func
+def between(low: Any, high: Any, share: Any):
+    """As OpenCL's mix rounds, which ``wp.lerp`` does not."""
+    return low + (high - low) * share
+
+
+@wp.func
 def bilinear(
     volume: wp.array(dtype=Any), corner: wp.int64, step_i: wp.int64, step_j: wp.int64, share_i: Any, share_j: Any
 ):
-    low = wp.lerp(volume[corner], volume[corner + step_i], share_i)
-    high = wp.lerp(volume[corner + step_j], volume[corner + step_j + step_i], share_i)
-    return wp.lerp(low, high, share_j)
+    low = between(volume[corner], volume[corner + step_i], share_i)
+    high = between(volume[corner + step_j], volume[corner + step_j + step_i], share_i)
+    return between(low, high, share_j)
 
 
 @wp.func
@@ -73,7 +79,7 @@ def interpolated(
     step_k = wp.where(n_k > 1, row * wp.int64(n_j), wp.int64(0))
     near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
     far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
-    return wp.lerp(near, far, share_k)
+    return between(near, far, share_k)
 
 
 @wp.func
