@@ -17,9 +17,6 @@ in float64. Sums factorised over the 27 places that its nodes are part of, which
 sums of 3 take 1,080 for the derivatives of each of 6 planes and as many back for each of 3, and each of 27 Gauss points
 takes 141 as above: 13,527. Summed over 20 nodes at each Gauss point, as both backends do, it is 32,967.
 
-Floor of a smoothing step: 27 blocks of 9 numbers of each node are read once, with 3 of each of x, b and the step, 6 of
-the inverse block, and 3 written, 258 numbers in float32; held against ``triad``.
-
 CalculiX gets the same mesh, loads and moduli as a deck; its time is that of its process, reading and stress included,
 ours that of ``solve``, from a mesh in memory to displacements. Both solve the proximal femur of a child, held at its
 cut end, in the stance of the paper, with a modulus that is even in each element and varies 200-fold between them.
@@ -79,7 +76,6 @@ OPERATIONS = 1824
 CONNECTIVITY_BYTES = 32
 HEX20_BYTES = {"float32": 440, "float64": 800}
 HEX20_OPERATIONS = 13527
-SMOOTHING_BYTES = 4 * 258
 SOLVERS = {
     "CalculiX SPOOLES": ("*STATIC", 1e-6),
     "CalculiX Cholesky": ("*STATIC, SOLVER=ITERATIVE CHOLESKY", 1e-3),
