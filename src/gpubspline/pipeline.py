@@ -148,6 +148,8 @@ def summarise(
         figures["method"] = {"name": choice.method, "why": choice.why}
     found = {} if meshed is None else meshed.figures
     if body is not None and figures["lost_features"] is not None:
-        lost = list_lost(found.get("lost_features", ()), figures["lost_features"], body.region)
+        least = found.get("size_mm", 0.0)  # edges are rounded by less than an element
+        covered = [feature for feature in figures["lost_features"] if feature["out_mm"] > least]
+        lost = list_lost(found.get("lost_features", ()), covered, body.region)
         found = found | {"lost_features": lost}
     return figures | found
