@@ -1,6 +1,7 @@
 """The three methods: which fits, what implies one, and surfaces and sizes at the command line."""
 
 import json
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -23,8 +24,8 @@ from gpubspline.methods import (
     mesh_body,
     refuse_remnant,
     warn_of_bridges,
-    warn_of_closed,
     warn_of_topology,
+    warn_of_volume,
 )
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 
@@ -169,11 +170,12 @@ def test_the_tensor_method_warns_of_bridges():
     warn_of_bridges(104.0, 100.0)
 
 
-def test_blocks_warn_of_pores_that_they_close():
+def test_blocks_warn_where_their_volume_is_not_the_regions():
     with pytest.warns(GpubsplineWarning, match=r"fills 21% more than the region: .* of 2\.73 mm .*smaller --size"):
-        warn_of_closed(121.0, 100.0, 2.7312)
-    warn_of_closed(104.0, 100.0, 2.7)
-    warn_of_closed(90.0, 100.0, 2.7)  # what is left out is listed
+        warn_of_volume(121.0, 100.0, 2.7312)
+    warn_of_volume(104.0, 100.0, 2.7)
+    with pytest.warns(GpubsplineWarning, match=r"fills 10% less than the region: what is thinner .* is left out"):
+        warn_of_volume(90.0, 100.0, 2.7)
 
 
 @pytest.fixture(scope="module")
@@ -341,3 +343,6 @@ def test_blocks_that_miss_most_of_a_region_are_refused(monkeypatch, device):
     made = blocks_mesh(region, 4.0, device=device, attempts=1)
     with pytest.raises(MeshError, match=r"hexes of 4 mm to fill the region, got [12]\d% of it: .* as at \(.*\) mm; "):
         refuse_remnant(made, region)
+    smoothed_away = replace(made, report=replace(made.report, lost_features=()))
+    with pytest.raises(MeshError, match=r"got [12]\d% of it: .* as at \(.*\) mm; "):
+        refuse_remnant(smoothed_away, region)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
@@ -21,7 +22,7 @@ from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
 from gpubspline.mesh.element_size import ACROSS, about_elements, default_size, size_for, size_of
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.thickness import measure_thickness
+from gpubspline.mesh.thickness import Thickness, measure_thickness
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 from gpubspline.spline.lattice import SMOOTHING, surface_hu
 from gpubspline.spline.reformat import stack
@@ -31,7 +32,7 @@ METHODS = ("auto", "tensor", "butterfly", "blocks")
 BRIDGED = 0.05
 """Relative difference of volumes of mesh and region from which the tensor method warns."""
 
-REMNANT = 1 / 3
+REMNANT = 0.5
 """Of the region: a mesh of blocks that holds less is none of it."""
 
 SECONDS_PER_HEX = 2.5e-4
@@ -256,13 +257,21 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
 
 def refuse_remnant(made: Blocks, region: Region) -> None:
     """Raise MeshError where blocks hold so little of a region that they are no mesh of it."""
-    share, lost = made.mesh.volume_mm3 / region.volume_mm3, made.report.lost_features
-    if share < REMNANT and lost:
-        place = ", ".join(f"{x:.4g}" for x in lost[0].place_mm)
+    share = made.mesh.volume_mm3 / region.volume_mm3
+    if share < REMNANT:
+        lost = made.report.lost_features
+        place = ", ".join(f"{x:.4g}" for x in (lost[0].place_mm if lost else _thinnest(region)[1]))
         raise MeshError(
             f"expected hexes of {made.report.size_mm:.3g} mm to fill the region, got {share:.0%} of it: it is thinner "
             f"than they are, as at ({place}) mm; ask for a smaller size or close the region's pores first"
         )
+
+
+def _thinnest(region: Region) -> tuple[Thickness, NDArray[np.float64]]:
+    """Thickness of a region, and a place (3,), mm, among the thinnest twentieth."""
+    thin = measure_thickness(region)
+    order = np.argsort(thin.thickness_mm, kind="stable")
+    return thin, thin.places_mm[order[int(0.05 * len(order))]]
 
 
 def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str, Any]]:
@@ -313,8 +322,7 @@ def warn_of_bodies(bodies: Sequence[BodyReport], parts: Mapping[str, Region], si
     if not off:
         return
     worst = max(off, key=lambda body: abs(body.off))
-    thin = measure_thickness(parts[worst.name])
-    x, y, z = thin.places_mm[np.argsort(thin.thickness_mm, kind="stable")[int(0.05 * len(thin.thickness_mm))]]
+    thin, (x, y, z) = _thinnest(parts[worst.name])
     names = ", ".join(f"{body.name} {body.off:+.1%}" for body in off[:LISTED])
     warnings.warn(
         f"volumes of labels are off: {names}; {worst.name} is {thin.least():.2g} mm thin at "
@@ -352,13 +360,19 @@ def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
         )
 
 
-def warn_of_closed(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
-    """Warn where a mesh of blocks fills pores and gaps that its elements are too large for."""
+def warn_of_volume(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
+    """Warn where a mesh of blocks fills gaps that its elements are too large for, or leaves out what is too thin."""
     off = mesh_mm3 / region_mm3 - 1
-    if np.isfinite(off) and off > BRIDGED:
+    if np.isfinite(off) and abs(off) > BRIDGED:
+        what = (
+            f"fills {off:.0%} more than the region: pores and gaps narrower than its elements of {size_mm:.3g} mm are "
+            "closed; a smaller --size keeps them open"
+            if off > 0
+            else f"fills {-off:.0%} less than the region: what is thinner than its elements of {size_mm:.3g} mm is "
+            "left out; a smaller --size follows it"
+        )
         warnings.warn(
-            f"the mesh fills {off:.0%} more than the region: pores and gaps narrower than its elements of "
-            f"{size_mm:.3g} mm are closed; a smaller --size keeps them open",
+            f"the mesh {what}",
             GpubsplineWarning,
             stacklevel=2,
         )
