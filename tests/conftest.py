@@ -2,7 +2,9 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from gpubspline.cli import main
@@ -23,11 +25,32 @@ def data() -> Path:
 def opened(name: str, precision: str) -> Device:
     """A device, or a skip where its backend is missing (a failure in CI, which must have both)."""
     try:
-        return open_device(name, precision)
+        device = open_device(name, precision)
     except BackendUnavailable as error:
         if os.environ.get("CI"):
             raise
         pytest.skip(str(error))
+    _leave_nan(device)
+    return device
+
+
+def _leave_nan(device: Any) -> None:
+    """Fill what ``empty`` reserves with NaN, which new memory seldom holds: whoever reads before writing is found."""
+    empty = device.empty
+
+    def of_nan(shape: int | tuple[int, ...], dtype: Any = None) -> Any:
+        buffer = empty(shape, dtype)
+        if np.dtype(device.real if dtype is None else dtype).kind == "f" and buffer.size:
+            if device.backend == "warp":
+                buffer.fill_(np.nan)
+            else:
+                nothing, count = np.array(np.nan, buffer.dtype), buffer.size * buffer.dtype.itemsize
+                pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, nothing, 0, count)
+        return buffer
+
+    if device.backend == "opencl":
+        import pyopencl
+    device.empty = of_nan
 
 
 @pytest.fixture(scope="session", params=BACKENDS)

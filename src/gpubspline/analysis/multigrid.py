@@ -327,7 +327,8 @@ def _centres(n: int) -> NDArray[Any]:
 
 def _blocks(device: Device, counts: Counts, stencil: Buffer, way: Transfer | None = None) -> Blocks:
     n = int(np.prod(counts))
-    blocks, inverse = device.empty((6, n)), device.empty(6 * n + TILE)
+    blocks = device.empty((6, n))
+    inverse = device.put(np.zeros(6 * n + TILE, device.real))  # nodes past the last of a tile multiply its end
     device.launch("stencil.own_blocks", n, stencil, n, blocks)
     free = device.put((device.get(blocks)[:3] > 0).astype(device.real))
     device.launch("nodal.invert_blocks", n, blocks, free, n, inverse)
