@@ -68,7 +68,7 @@ def test_made_pages_are_of_the_code(pages: ModuleType) -> None:
         assert all(f"`{option}`" in commands for option in known if option.startswith("--") and option != "--help")
     assert all(f"\n## {name}\n" in laws for name in gb.laws())
     assert pages.examples().count('```python title="examples/') == len(list((ROOT / "examples").glob("*.py")))
-    assert "**0.3.0**" in pages.changelog()
+    assert "**0.4.0**" in pages.changelog()
 
 
 def test_law_of_the_guide_is_read(tmp_path: Path) -> None:
