@@ -6,7 +6,8 @@ along w fastest. What an element gives its nodes is (3, k, m): ``nodal.py`` sums
 
 With the tangents t_d = dx/dt_d the inverse of the Jacobian is A / det, where A's rows are t_1 x t_2, t_2 x t_0 and
 t_0 x t_1. A displacement gradient H along the parameters is H A / det in space, and a stress S gives S A^T, times the
-weight, against the parameters' derivatives of the shape functions.
+weight, against the parameters' derivatives of the shape functions. There are functions here and no kernels: the OpenCL
+twin of this is ``elasticity.h``.
 """
 
 from typing import Any

@@ -1,7 +1,8 @@
 """Hex8 in linear elasticity, full integration, in lanes: forces against the derivatives of its 3 trilinear functions.
 
 Vertices are numbered u fastest, Gauss points w fastest. Derivatives are 12 a component: 4 along u at the Gauss points
-of v and w, u does not matter, then 4 along v, then 4 along w. The mathematics are those of ``elasticity.py``.
+of v and w, u does not matter, then 4 along v, then 4 along w. The mathematics are those of ``elasticity.py``. There
+are functions here and no kernels: the OpenCL twin of this is ``trilinear.h``.
 """
 
 from typing import Any

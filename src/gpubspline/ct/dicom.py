@@ -102,9 +102,8 @@ def _decoded(
             while waiting:
                 first, job = waiting.popleft()
                 yield first, job.result()
-        except BaseException:  # at an error or an interrupt nobody waits for the files that are left
+        finally:  # at an error or an interrupt nobody waits for the files that are left
             pool.shutdown(cancel_futures=True)
-            raise
 
 
 def _decode_file(slices: Sequence[Slice]) -> list[NDArray[Any]]:
