@@ -1,5 +1,6 @@
 """From CT to a model file."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -7,7 +8,6 @@ from gpubspline.cli.app import app
 from gpubspline.cli.arguments import InputPaths
 from gpubspline.cli.options import ReadOptions, RegionOptions, RunOptions, SplineOptions, flattened
 from gpubspline.cli.options.groups import option
-from gpubspline.errors import InputError
 
 ModelOutput = Annotated[
     Path,
@@ -16,7 +16,7 @@ ModelOutput = Annotated[
 
 
 @app.command()
-@flattened
+@partial(flattened, without=("labels",))  # a model has no elements to be in sets
 def fit(
     source: InputPaths,
     output: ModelOutput,
@@ -31,8 +31,6 @@ def fit(
     from gpubspline.spline.model import check_model_path, save_model
 
     check_model_path(output)
-    if region.labels is not None:
-        raise InputError("expected --labels where a mesh is made, got it for a model, which has no elements")
     wanted = region.source(source, read, spline)
     shaping, device = spline.shaping(3 if region.slice_index is None else 2), run.open()
     with run.clock() as clock:

@@ -1,6 +1,7 @@
 """A convergence study of one body under one load case."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,11 +19,10 @@ from gpubspline.cli.options import (
     flattened,
 )
 from gpubspline.cli.solid import is_model
-from gpubspline.errors import InputError
 
 
 @app.command()
-@flattened
+@partial(flattened, without=("nodes", "slice_index", "optimize", "labels"))  # it samples solids, --nodes-list times
 def study(
     context: typer.Context,
     source: Annotated[
@@ -42,10 +42,6 @@ def study(
     from gpubspline.cli import describe, describe_study
     from gpubspline.pipeline import calibrate, sample_material
 
-    if sampled.nodes is not None or region.slice_index is not None:
-        raise InputError("expected --nodes-list for the meshes of a solid, got --nodes or --slice")
-    if sampled.optimize or region.labels is not None:
-        raise InputError("expected meshes as they are sampled to study, got --optimize or --labels")
     page.check([*source, *region.files, *sampled.files])
     studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
     with run.clock() as clock:

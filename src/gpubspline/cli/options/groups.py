@@ -1,7 +1,7 @@
 """Groups of options as dataclasses: each option is spelled once and shared by the commands that take it."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import MISSING, fields
 from functools import wraps
 from typing import Any, get_type_hints
@@ -15,22 +15,28 @@ PANELS = (
 """Panels of the help, in the order in which a person thinks: what, which part, how, and where to."""
 
 
-def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """Let a command take groups of options as dataclasses: Typer sees the fields, the command sees the groups."""
+def flattened(command: Callable[..., None], without: Collection[str] = ()) -> Callable[..., None]:
+    """Let a command take groups of options as dataclasses: Typer sees the fields, the command sees the groups.
+
+    Fields named in ``without`` the command has no use for: they are no options of it and keep their defaults.
+    """
     hints = get_type_hints(command, include_extras=True)
     groups = {name: kind for name, kind in hints.items() if hasattr(kind, "__dataclass_fields__")}
     own = [p for p in inspect.signature(command).parameters.values() if p.name not in groups]
     parameters, annotations = list(own), {p.name: hints[p.name] for p in own}
     for kind in groups.values():
         kinds = get_type_hints(kind, include_extras=True)
-        for field in fields(kind):
+        for field in (each for each in fields(kind) if each.name not in without):
             default = inspect.Parameter.empty if field.default is MISSING else field.default
             parameters.append(inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default))
             annotations[field.name] = kinds[field.name]
 
     @wraps(command)
     def run(**given: Any) -> None:
-        parts = {name: kind(**{f.name: given.pop(f.name) for f in fields(kind)}) for name, kind in groups.items()}
+        parts = {
+            name: kind(**{f.name: given.pop(f.name) for f in fields(kind) if f.name in given})
+            for name, kind in groups.items()
+        }
         command(**given, **parts)
 
     keyword = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=annotations[p.name]) for p in parameters]
