@@ -14,7 +14,7 @@ import SimpleITK as sitk
 import typer
 
 import gpubspline as gb
-from gpubspline.cli import app
+from gpubspline.cli.entry import app
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))

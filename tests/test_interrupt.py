@@ -1,6 +1,8 @@
 """An interrupt is one line and the exit status that shells give it, and leaves no file."""
 
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,25 @@ def test_an_interrupt_is_one_line(run: Any, ct: Path, monkeypatch: pytest.Monkey
     told = run("mesh", ct, "--spacing", "1,1,1", "--method", "tensor", "-o", ct.parent / "m.vtu")
     assert told == (130, "", "gpubspline: error: interrupted\n")
     assert [path.name for path in ct.parent.iterdir()] == ["ball.npy"]
+
+
+WHILE_LOADING = """
+import sys
+
+class Press:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Press())
+from gpubspline.cli import main
+main()
+"""
+
+
+def test_an_interrupt_while_the_command_line_loads_is_one_line_too() -> None:
+    ended = subprocess.run([sys.executable, "-c", WHILE_LOADING], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "gpubspline: error: interrupted\n")
 
 
 def test_what_ends_a_process_leaves_no_half_of_a_file(run: Any, ct: Path, monkeypatch: pytest.MonkeyPatch) -> None:

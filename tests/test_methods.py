@@ -91,6 +91,11 @@ def test_auto_takes_the_first_that_fits(level, method, why, device):
     assert chosen.method == method and re.search(why, chosen.why)
 
 
+def test_what_is_wrong_is_not_taken_for_a_shape_that_no_butterfly_fits(device):
+    with pytest.raises(InputError, match="septic"):
+        choose(body_of(bean), Meshing(), Shaping(interpolation="septic"), Sampling(law()), "z", device)
+
+
 def test_what_blocks_have_no_use_for_is_warned_of(device):
     with pytest.warns(GpubsplineWarning, match="--degree does nothing in blocks"):
         choose(body_of(fork), Meshing(), Shaping(degree=(2,)), Sampling(law()), "z", device)
@@ -107,6 +112,7 @@ def test_a_size_is_not_for_tensor(device):
         ({"shaping": Shaping(control=(5, 5, 5))}, "tensor"),
         ({"sampling": Sampling(law(), (5, 5, 5))}, "tensor"),
         ({"shaping": Shaping(fit="interpolate")}, "tensor"),
+        ({"shaping": Shaping(degree=(2, 3, 2))}, "tensor"),
         ({"shaping": Shaping(row_smoothing=0.0)}, "tensor"),
         ({"sliced": True}, "tensor"),
         ({"structured": True}, "tensor"),

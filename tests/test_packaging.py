@@ -26,7 +26,7 @@ def test_import_loads_no_backend() -> None:
 
 def test_help_loads_no_backend() -> None:
     code = (
-        "import sys; from gpubspline.cli import app; app(['mesh', '--help'], standalone_mode=False);"
+        "import sys; from gpubspline.cli.entry import app; app(['mesh', '--help'], standalone_mode=False);"
         "sys.exit([m for m in ('warp', 'pyopencl', 'scipy', 'SimpleITK', 'matplotlib') if m in sys.modules] != [])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

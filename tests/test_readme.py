@@ -32,7 +32,7 @@ def test_first_screen_has_two_commands() -> None:
 
 
 def test_every_command_of_the_readme_exists() -> None:
-    from gpubspline.cli import app
+    from gpubspline.cli.entry import app
 
     known = {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
     used = set(re.findall(r"^gpubspline (\w+)", "\n".join(blocks("bash")), re.M))

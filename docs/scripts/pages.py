@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 import gpubspline as gb
-from gpubspline.cli import app
+from gpubspline.cli.entry import app
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,6 +9,19 @@ class InputError(GpubsplineError, ValueError):
     """Data, an option or a file is not what the called function can work with."""
 
 
+class NoSectionsError(InputError):
+    """A body's sections are not what five patches a section can fill.
+
+    Attributes
+    ----------
+    found: what a section is instead, and where, to be put in a sentence.
+    """
+
+    def __init__(self, message: str, found: str) -> None:
+        super().__init__(message)
+        self.found = found
+
+
 class BackendUnavailable(GpubsplineError, RuntimeError):
     """A kernel backend or device is not present; the message names what to install."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.errors import GpubsplineWarning, InputError, MeshError
+from gpubspline.errors import GpubsplineWarning, InputError, MeshError, NoSectionsError
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
@@ -121,6 +121,7 @@ def _tensor_options(shaping: Shaping, sampling: Sampling, sliced: bool, structur
         "--control": shaping.control is not None and len(shaping.control) < 4,
         "--nodes": sampling.nodes is not None and len(sampling.nodes) < 4,
         "--fit": shaping.fit != "control",
+        "--degree of several": len(set(shaping.degree)) > 1,
         "--smooth-rows": shaping.row_smoothing != SMOOTHING,
         "--transverse-law": sampling.mapping.transverse is not None,  # only structured meshes have a w throughout
     }
@@ -158,11 +159,10 @@ def choose(
         return Choice("tensor", "every slice is one region that every row crosses once")
     try:
         made = _patches(body, shaping, axis, device)
-    except InputError as error:
-        _, _, got = str(error).partition(", got ")
+    except NoSectionsError as error:
         for option in _spline_options(shaping):
             warnings.warn(f"{option} does nothing in blocks, which have no splines", GpubsplineWarning, stacklevel=2)
-        return Choice("blocks", f"no butterfly: {got.partition(': ')[0] or error}")
+        return Choice("blocks", f"no butterfly: {error.found}")
     return Choice("butterfly", "every section is one part without holes", made)
 
 
@@ -180,10 +180,7 @@ def _patches(body: Body, shaping: Shaping, axis: str, device: Device) -> Butterf
     control = shaping.control
     if control is not None and len(control) != 4:
         raise InputError(f"expected 4 control counts U,V,R,W for a butterfly, got {control}")
-    degree = shaping.degree[0]
-    if len(set(shaping.degree)) > 1:
-        raise InputError(f"expected one degree for a butterfly, got {shaping.degree}")
-    options: dict[str, Any] = {"axis": axis, "degree": degree, "interpolation": shaping.interpolation}
+    options: dict[str, Any] = {"axis": axis, "degree": shaping.degree[0], "interpolation": shaping.interpolation}
     options["partial_volume"] = body.partial_volume
     return butterfly(
         body.region,

@@ -8,16 +8,14 @@ from typing import NoReturn
 
 import typer
 
+from gpubspline.cli import INTERRUPTED, warned
 from gpubspline.cli import commands as commands
-from gpubspline.cli import warned
-from gpubspline.cli.app import USAGE_ERROR, app
+from gpubspline.cli.app import USAGE_ERROR as USAGE_ERROR
+from gpubspline.cli.app import app as app
 from gpubspline.errors import GpubsplineError, GpubsplineWarning
 
-INTERRUPTED = 130
-"""Exit status of a process that Ctrl-C ended, as shells have it: 128 and the number of the signal."""
 
-
-def main() -> None:
+def run() -> None:
     """Run the command line.
 
     Whatever is wrong with the input is one line on stderr and exit status 2; so is an interrupt, with 130.

@@ -91,8 +91,6 @@ def control_lattice(
     InputError where the lattice asks for more points than the data have, for fewer than 2 in a direction, or for
     slices, axes or interpolations that are not there.
     """
-    if interpolation not in ORDERS:
-        raise InputError(f"expected the interpolation {' or '.join(ORDERS)}, got {interpolation!r}")
     if volume.hu.shape != region.distance_mm.shape:
         raise InputError(f"expected a region on the volume's grid {volume.hu.shape}, got {region.distance_mm.shape}")
     if not 0 <= smoothing <= MOST_SMOOTHING:
@@ -241,7 +239,12 @@ def surface_hu(
 
 
 def sample_hu(volume: Volume, points: Floats, interpolation: str = "linear") -> Floats:
-    """HU (...) at LPS points (..., 3), ``"linear"`` or ``"cubic"``, from the part of the volume around them."""
+    """HU (...) at LPS points (..., 3), ``"linear"`` or ``"cubic"``, from the part of the volume around them.
+
+    Raises InputError for another interpolation.
+    """
+    if interpolation not in ORDERS:
+        raise InputError(f"expected the interpolation {' or '.join(ORDERS)}, got {interpolation!r}")
     order = ORDERS[interpolation]
     indices = volume.to_indices(points)
     others = tuple(range(indices.ndim - 1))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
-from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.errors import GpubsplineWarning, InputError, NoSectionsError
 from gpubspline.spline.reformat import Stack, stack
 from gpubspline.spline.spans import blend, inset, tips
 
@@ -54,12 +54,14 @@ def cut_sections(region: Region, count: int | None = None, axis: str = "z") -> S
 
     Raises
     ------
-    InputError where a section has several parts or a hole, saying where, or the region is one slice.
+    NoSectionsError where a section has several parts or a hole, saying where, or the region is one slice.
+    InputError where the count is too small.
     """
     whole = stack(region, axis)
     hits = int((whole.distance_mm < 0).any(axis=(1, 2)).sum())
     if hits < 2:
-        raise InputError("expected a region of several slices for a butterfly, got one slice: ask for a tensor surface")
+        found = "one slice"
+        raise NoSectionsError(f"expected a region of several slices, got {found}: ask for a tensor surface", found)
     count = min(hits, 46) if count is None else count
     if count < 2:
         raise InputError(f"expected at least 2 sections, got {count}")
@@ -101,19 +103,21 @@ def _loop(image: NDArray[np.float32], steps: Floats, whole: Stack, at: float) ->
     large = share > SPECK
     parts, holes = int(np.sum(alike & large)), int(np.sum(~alike & large))
     if parts > 1 or holes:
-        raise InputError(_several(parts, holes, whole, at, found[outline].mean(axis=0), steps))
+        raise _several(parts, holes, whole, at, found[outline].mean(axis=0), steps)
     loop = found[outline]
     return loop if areas[outline] > 0 else loop[::-1], float(share.sum()) - 1
 
 
-def _several(parts: int, holes: int, whole: Stack, at: float, middle: Floats, steps: Floats) -> str:
+def _several(parts: int, holes: int, whole: Stack, at: float, middle: Floats, steps: Floats) -> NoSectionsError:
     u, v = np.linalg.solve(steps, middle)
     place = whole.to_points(np.array([u, v, at]))
     where = ", ".join(f"{x:.1f}" for x in place)
     what = [f"{parts} parts"] * (parts > 1) + ["a hole" if holes == 1 else f"{holes} holes"] * (holes > 0)
-    return (
-        f"expected every section of a butterfly to be one part without holes, got a section with {' and '.join(what)} "
-        f"at ({where}) mm: blocks mesh any shape (--method blocks)"
+    found = f"a section with {' and '.join(what)} at ({where}) mm"
+    return NoSectionsError(
+        f"expected every section of a butterfly to be one part without holes, got {found}: blocks mesh any shape "
+        "(--method blocks)",
+        found,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, NoSectionsError
 from gpubspline.mesh.butterfly.contours import Sections, cut_sections
 from gpubspline.mesh.butterfly.matching import match_loops
 from gpubspline.mesh.butterfly.placement import Layout, corner_sines, harmonic, transfinite
@@ -90,7 +90,8 @@ def butterfly(
 
     Raises
     ------
-    InputError where a section has several parts or a hole, saying where, points fold, or counts are too few.
+    NoSectionsError where a section has several parts or a hole, saying where, or points fold; InputError where counts
+    are too few or an option is unknown.
     """
     if placement is not None and placement not in PLACEMENTS:
         raise InputError(f"expected the placement {' or '.join(PLACEMENTS)}, got {placement!r}")
@@ -101,9 +102,9 @@ def butterfly(
     names = list(PLACEMENTS) if placement is None else [placement]
     worst, name, placed = _best(layout, sections, names, smoothing)
     if worst <= 0:
-        raise InputError(
-            "expected sections that five patches can fill, got one so far from round that points fold in it: blocks "
-            "mesh any shape (--method blocks)"
+        found = "a section so far from round that points fold in it"
+        raise NoSectionsError(
+            f"expected sections that five patches can fill, got {found}: blocks mesh any shape (--method blocks)", found
         )
     points = sections.to_mm(placed)
     hu = np.zeros(points.shape[:-1])
