@@ -59,7 +59,10 @@ typedef JOIN(long, LANES) maskv;
 #define to_realv(v) JOIN(JOIN(convert_, real), LANES)(v)
 #define as_intv(v) JOIN(as_int, LANES)(v)
 #define as_realv(v) JOIN(JOIN(as_, real), LANES)(v)
-#define load(p, offset) JOIN(vload, LANES)(0, (p) + (offset))
+// A vector wherever it lies. vload16 says the same, but of two that overlap, like nodes and their neighbours, LLVM makes
+// many loads of two numbers each.
+typedef realv loose __attribute__((aligned(REAL_BYTES)));
+#define load(p, offset) (*(__global const loose *)((p) + (offset)))
 #define store_all(v, p, offset) JOIN(vstore, LANES)(v, 0, (p) + (offset))
 #endif
 
