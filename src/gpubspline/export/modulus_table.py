@@ -99,10 +99,10 @@ def _exact(
 ) -> ModulusTable | None:
     """Table within a tolerance of every node, looser where rows are few, or None."""
     columns = [fields[name] for name in names]
-    found = _tabulate(fields[carrier], columns, tolerance)
+    found = _tabulate(fields[carrier], columns, tolerance, MOST_ROWS)
     while found is not None and most_rows is not None and found[0].shape[1] > most_rows and tolerance < LOOSEST:
         tolerance *= 2
-        found = _tabulate(fields[carrier], columns, tolerance)
+        found = _tabulate(fields[carrier], columns, tolerance, MOST_ROWS)
     if found is None or found[0].shape[1] > (most_rows or MOST_ROWS):
         return None
     (at, *rows), error = found
@@ -111,8 +111,8 @@ def _exact(
 
 def _plain(fields: dict[str, NDArray[Any]], names: list[str], most_rows: int) -> ModulusTable | None:
     """Table along the modulus within ``TOLERANCE`` of every node, or None where few rows do not do it."""
-    found = _tabulate(fields["E_MPa"], [fields[name] for name in names], TOLERANCE)
-    if found is None or found[0].shape[1] > most_rows:
+    found = _tabulate(fields["E_MPa"], [fields[name] for name in names], TOLERANCE, most_rows)
+    if found is None:
         return None
     (at, *rows), error = found
     return ModulusTable("E_MPa", at, dict(zip(names, rows, strict=True)), 0.0, error, error)
@@ -138,8 +138,10 @@ def _along_modulus(fields: dict[str, NDArray[Any]], names: list[str], n_rows: in
     return ModulusTable("E_MPa", at, columns, 0.0, float(off["nu"].max()), density)
 
 
-def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float) -> tuple[Floats, float] | None:
-    """Rows (1 + c, r) that suffice for every node, and the largest relative error left; None where no rows do.
+def _tabulate(
+    along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float, most_rows: int
+) -> tuple[Floats, float] | None:
+    """Rows (1 + c, r) that suffice for every node, and the largest relative error left; None where so many do not.
 
     The nodes are gone through in parts, a sample of them all first, until none adds a row.
     """
@@ -156,7 +158,7 @@ def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float
     while True:
         n_rows, error = table.shape[1], 0.0
         for part in parts:
-            refined = _refined(table, values(part), tolerance)
+            refined = _refined(table, values(part), tolerance, most_rows)
             if refined is None:
                 return None
             table, left = refined
@@ -165,7 +167,7 @@ def _tabulate(along: NDArray[Any], columns: list[NDArray[Any]], tolerance: float
             return table, error
 
 
-def _refined(table: Floats, nodes: Floats, tolerance: float) -> tuple[Floats, float] | None:
+def _refined(table: Floats, nodes: Floats, tolerance: float, most_rows: int) -> tuple[Floats, float] | None:
     """Table (1 + c, r) with as many of the nodes (1 + c, k) as rows as the others need, and the error left.
 
     Douglas and Peucker's way: every segment that errs too much somewhere is split where it errs most. None where a node
@@ -181,7 +183,7 @@ def _refined(table: Floats, nodes: Floats, tolerance: float) -> tuple[Floats, fl
         _, one_each = np.unique(segment[worst_first], return_index=True)
         table = np.concatenate([table, nodes[:, wrong[worst_first[one_each]]]], axis=1)
         table = table[:, np.argsort(table[0])]
-        if table.shape[1] > MOST_ROWS or np.any(np.diff(table[0]) == 0):
+        if table.shape[1] > most_rows or np.any(np.diff(table[0]) == 0):
             return None
 
 
