@@ -57,7 +57,7 @@ def _rows(host: Host, extension: str) -> Iterator[Row]:
         run()
         written = path.stat().st_size
         plain = host.folder / "plain"
-        seconds, floor = best_in_turn(run, _plain_write(plain, written))
+        seconds, floor = best_in_turn(run, _plain_write(plain, written), rounds=10)
         plain.unlink()
         others = time_peers(f"write-{extension[1:]}", None, 0, _peers(extension, made.mesh, path))
         size = f"{made.mesh.n_elements:,} hexes, {written / 1e6:,.0f} MB"

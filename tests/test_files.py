@@ -1,11 +1,12 @@
 """Output files appear whole or not at all, and take the place of nothing but files."""
 
+import errno
 import os
 
 import pytest
 
 from gpubspline.errors import InputError
-from gpubspline.files import check_apart, check_folder, check_writable, whole_file
+from gpubspline.files import check_apart, check_folder, check_writable, reserve, whole_file
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path):
@@ -68,3 +69,24 @@ def test_what_cannot_be_written_is_refused(tmp_path):
         check_folder(tmp_path / "file")
     with pytest.raises(InputError, match="for two files of this run"):
         check_apart([tmp_path / "a", tmp_path / "b" / ".." / "a"])
+
+
+def test_space_is_taken_before_a_file_is_filled(tmp_path, monkeypatch):
+    """Where the system can; elsewhere a file grows as it is written, and a full disk is told of in both ways."""
+    with open(tmp_path / "a.vtu", "wb") as stream:
+        reserve(stream, 100_000)
+        assert stream.write(b"whole") == 5
+    assert (tmp_path / "a.vtu").read_bytes()[:6] == b"whole\0"
+
+    def cannot(*args):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "posix_fallocate", cannot, raising=False)
+    with open(tmp_path / "b.vtu", "wb") as stream:
+        number = errno.EOPNOTSUPP
+        reserve(stream, 100_000)
+        number = errno.ENOSPC
+        with pytest.raises(OSError, match="No space left"):
+            reserve(stream, 100_000)
+        monkeypatch.delattr(os, "posix_fallocate")
+        reserve(stream, 100_000)

@@ -10,8 +10,8 @@ import pytest
 
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import Format, can_read, check_extension, extensions, formats, read_mesh, write
-from gpubspline.export.appended import AppendedFile
 from gpubspline.export.other import FORMATS
+from gpubspline.export.placed import PlacedArrays
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -202,16 +202,16 @@ def test_meshio_reads_vtu_with_any_number_of_fields(element_type, n_fields, tmp_
 def test_vtu_is_written_in_parts(tmp_path, monkeypatch):
     mesh = model("quad4", (9, 7))
     write(mesh, tmp_path / "whole.vtu")
-    monkeypatch.setattr("gpubspline.export.appended._CHUNK", 7)
+    monkeypatch.setattr("gpubspline.export.placed._CHUNK", 7)
     monkeypatch.setattr("gpubspline.export.rows._CHUNK", 5)
     monkeypatch.setattr("gpubspline.mesh.structure._BLOCK", 10)  # a row of 8 and not two
-    asked, put = [], AppendedFile.put
+    asked, put = [], PlacedArrays.put
 
     def watched(self, section, name, first_row, rows):
         asked.append((name, len(rows)))
         put(self, section, name, first_row, rows)
 
-    monkeypatch.setattr(AppendedFile, "put", watched)
+    monkeypatch.setattr(PlacedArrays, "put", watched)
     write(mesh, tmp_path / "parts.vtu")
     assert (tmp_path / "parts.vtu").read_bytes() == (tmp_path / "whole.vtu").read_bytes()
     assert [count for name, count in asked if name == "connectivity"] == [8] * 6
@@ -292,7 +292,8 @@ def test_bins_are_an_option_of_decks_only(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "owner", "step"), [("a.vtk", meshio, "write"), ("a.vtu", Mesh, "cells_of"), ("a.inp", Mesh, "cells_of")]
+    ("name", "owner", "step"),
+    [("a.vtk", meshio, "write"), ("a.vtu", PlacedArrays, "put"), ("a.inp", Mesh, "cell_blocks")],
 )
 def test_an_error_while_writing_leaves_nothing(name, owner, step, tmp_path, monkeypatch):
     def fail(*args, **options):

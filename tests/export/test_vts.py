@@ -78,7 +78,7 @@ def test_layers_come_in_any_order(tmp_path):
 
 
 def test_rows_longer_than_a_chunk_are_written_in_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr("gpubspline.export.appended._CHUNK", 9)
+    monkeypatch.setattr("gpubspline.export.placed._CHUNK", 9)
     with VtsWriter(tmp_path / "a.vts", COUNTS, NODAL, ELEMENTAL) as writer:
         for slab in slabs(3):
             writer.write(*slab)

@@ -232,7 +232,8 @@ def _surfaces(mesh: Mesh) -> dict[str, Faces]:
         else:
             among = np.zeros(mesh.n_nodes, dtype=np.bool_)
             among[members] = True
-            faces = outer.only(np.logical_and.reduce([among[corner] for corner in outer.nodes.T]))
+            inside = np.logical_and.reduce([among[corner] for corner in outer.nodes.T])
+            faces = outer if inside.all() else outer.only(inside)
         if faces.elements.size:
             found[name] = faces
     return found

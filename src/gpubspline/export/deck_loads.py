@@ -94,10 +94,7 @@ class Placed:
 def outer_faces(mesh: Mesh) -> Faces:
     """Faces of the boundary of hexes."""
     elements, sides = mesh.boundary_places()
-    vertices = np.array(list(mesh.element.sides.values()))
-    cells = mesh.cells_of(elements)
-    entries = cells.shape[1] * np.arange(len(cells))[:, None] + vertices[sides]
-    return Faces(elements, sides, cells.ravel()[entries])
+    return Faces(elements, sides, mesh.faces(elements, sides))
 
 
 def place_loads(case: LoadCase, mesh: Mesh) -> Placed:

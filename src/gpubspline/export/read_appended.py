@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.export.appended import TYPES
+from gpubspline.export.placed import TYPES
 
 _HEADER = 1 << 20
 """Bytes within which the header must end; one of a hundred arrays has about 10,000."""

@@ -1,4 +1,4 @@
-"""VTK's HDF5 file of an unstructured grid (.vtkhdf): binary, with every field; connectivity is written part by part.
+"""VTK's HDF5 file of an unstructured grid (.vtkhdf): binary, with every field.
 
 Sets and surfaces are field data; see ``sets``. Source: VTKHDF format specification, "UnstructuredGrid".
 """
@@ -8,56 +8,64 @@ from typing import Any
 
 import numpy as np
 
+from gpubspline.export import unstructured
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
+from gpubspline.export.placed import Key, PlacedArrays, Sections, by_key
 from gpubspline.export.read_appended import StoredGrid
-from gpubspline.export.rows import chunks
 from gpubspline.export.sets import set_arrays
-from gpubspline.files import whole_file
+from gpubspline.files import check_space, reserve, whole_file
 from gpubspline.mesh.elements import MESHABLE
-from gpubspline.mesh.mesh import Mesh
 
-_TIMES = 4
-"""Chunks written at once: h5py takes a tenth of a millisecond for each."""
+_AT_THE_TOP = {"Points": "Points", "connectivity": "Connectivity", "offsets": "Offsets", "types": "Types"}
+"""Names of what belongs to no section here."""
 
 
 def write(deck: Deck, path: Path) -> None:
-    """Write all fields with the precision they have."""
+    """Write all fields with the precision they have: HDF5 lays out the file, and plain writing fills it."""
+    mesh = deck.with_all_fields
+    sections = unstructured.sections(mesh, unstructured.counting_type(mesh), first_offset=True)
+    arrays = by_key(sections)
+    check_space(path, sum(array.n_bytes for array in arrays.values()))
+    with whole_file(path) as temporary:
+        starts = _lay_out(deck, sections, temporary)
+        with open(temporary, "r+b") as stream:
+            reserve(stream, temporary.stat().st_size)
+            unstructured.fill(PlacedArrays(stream, arrays, starts), mesh, first_offset=True)
+
+
+def _lay_out(deck: Deck, sections: Sections, path: Path) -> dict[Key, int]:
+    """Make a file in which only the sets and the counts are written; where each array of the sections begins, bytes."""
     import h5py
 
-    mesh = deck.with_all_fields
-    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+    early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    starts = {}
+    with h5py.File(path, "w") as file:
         file.attrs["comment"] = "\n".join(deck.comments)
         group = file.create_group("VTKHDF")
-        group.attrs["Version"] = (1, 0)
-        group.attrs["Type"] = np.bytes_("UnstructuredGrid")
-        points = group.create_dataset("Points", (mesh.n_nodes, 3), mesh.points.dtype)
-        for rows in chunks(mesh.n_nodes, _TIMES):
-            points[rows] = np.ascontiguousarray(mesh.points[rows])
-        _write_cells(group, mesh)
-        for section, fields in (("PointData", mesh.fields), ("CellData", mesh.cell_fields)):
-            data = group.create_group(section)
-            for name, values in fields.items():
-                data[name.replace("/", "_")] = values  # a slash would make a group
-        data = group.create_group("FieldData")
-        for name, values in set_arrays(deck).items():
-            data[name] = values
+        _describe(group, deck)
+        for section, arrays in sections.items():
+            data = group.create_group(section) if section.endswith("Data") else group
+            for array in arrays:
+                name = _AT_THE_TOP[array.name] if data is group else array.name.replace("/", "_")  # which makes a group
+                shape = (array.n_rows, *((array.n_components,) if array.n_components > 1 else ()))
+                made = data.create_dataset(name, shape, array.dtype, dcpl=early)
+                starts[section, array.name] = made.id.get_offset() or 0  # none of an array without rows
+    return starts
 
 
-def _write_cells(group: Any, mesh: Mesh) -> None:
-    n_nodes, n_entries = mesh.element.n_nodes, mesh.n_elements * mesh.element.n_nodes
-    counting = np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64  # one type for both, or VTK copies them
-    for name, count in (("Points", mesh.n_nodes), ("Cells", mesh.n_elements), ("ConnectivityIds", n_entries)):
+def _describe(group: Any, deck: Deck) -> None:
+    mesh = deck.mesh
+    group.attrs["Version"] = (1, 0)
+    group.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    counts = {"Points": mesh.n_nodes, "Cells": mesh.n_elements}
+    for name, count in {**counts, "ConnectivityIds": mesh.n_elements * mesh.element.n_nodes}.items():
         group[f"NumberOf{name}"] = np.array([count], dtype=np.int64)
-    connectivity = group.create_dataset("Connectivity", n_entries, counting)
-    offsets = group.create_dataset("Offsets", mesh.n_elements + 1, counting)
-    types = group.create_dataset("Types", mesh.n_elements, np.uint8)
-    for first, cells in mesh.cell_blocks():
-        connectivity[n_nodes * first : n_nodes * (first + len(cells))] = cells.astype(counting, copy=False).ravel()
-    for rows in chunks(mesh.n_elements, _TIMES):
-        ends = np.arange(n_nodes * (rows.start + 1), n_nodes * rows.stop + 1, n_nodes, dtype=counting)
-        offsets[rows.start + 1 : rows.stop + 1] = ends
-        types[rows] = np.full(ends.size, mesh.element.vtk_type, dtype=np.uint8)
+    data = group.create_group("FieldData")
+    for name, values in set_arrays(deck).items():
+        data[name] = values
 
 
 def read(path: Path) -> StoredGrid:

@@ -16,17 +16,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gpubspline.errors import InputError
-from gpubspline.export.appended import (
-    FIELD_DATA,
-    AppendedFile,
-    Array,
-    appended_file,
-    field_arrays,
-    set_arrays_of,
-    stored_type,
-)
+from gpubspline.export.appended import FIELD_DATA, appended_file
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
+from gpubspline.export.placed import Array, PlacedArrays, arrays_like, field_arrays, stored_type
 from gpubspline.export.sets import set_arrays
 from gpubspline.mesh.slabs import Slab
 
@@ -74,7 +67,7 @@ class VtsWriter:
         self._cells = n_u - 1, n_v - 1, max(n_w - 1, 1)
         self._field_data, self._comments = dict(field_data or {}), comments
         self._sections = {
-            FIELD_DATA: set_arrays_of(self._field_data),
+            FIELD_DATA: arrays_like(self._field_data),
             "PointData": field_arrays(point_fields or {}, prod(self._counts)),
             "CellData": field_arrays(cell_fields or {}, prod(self._cells)),
             "Points": [Array("Points", stored_type(dtype, "Points"), prod(self._counts), 3)],
@@ -86,7 +79,7 @@ class VtsWriter:
         """Open a temporary file beside the path."""
         extent = " ".join(f"0 {n - 1}" for n in self._counts)
         opened = appended_file(self._path, "StructuredGrid", {"Extent": extent}, self._sections, self._comments)
-        self._file: AppendedFile = self._stack.enter_context(opened)
+        self._file: PlacedArrays = self._stack.enter_context(opened)
         self._stack.push(self._check_complete)
         for name, values in self._field_data.items():
             self._file.put(FIELD_DATA, name, 0, values)

@@ -146,9 +146,13 @@ class Mesh:
         ------
         InputError where the side is not one that the mesh has.
         """
-        elements, sides = self.boundary_places(side)
-        vertices = np.array(list(self.element.sides.values()))
-        return np.take_along_axis(self.cells_of(elements), vertices[sides], axis=1)
+        return self.faces(*self.boundary_places(side))
+
+    def faces(self, elements: NDArray[Any], sides: NDArray[Any]) -> NDArray[np.int32]:
+        """Node numbers (f, k) int32 of the sides of elements (f,), by their places (f,) in ``element.sides``."""
+        if self.structure is not None:
+            return structure.faces_of(self.element, self.structure, elements, sides)
+        return np.take_along_axis(self.cells_of(elements), np.array(list(self.element.sides.values()))[sides], axis=1)
 
     def boundary_places(self, side: str | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Where the faces of ``boundary`` are, in its order: element numbers (f,) and places (f,) in ``element.sides``.

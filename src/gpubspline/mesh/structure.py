@@ -81,6 +81,17 @@ def cells_of(element: Element, structure: Counts, elements: Integers) -> NDArray
     return cells
 
 
+def faces_of(element: Element, structure: Counts, elements: Integers, sides: Integers) -> NDArray[np.int32]:
+    """Node numbers (f, k) of sides of the given elements (f,), by their places (f,) in ``element.sides``."""
+    vertices = np.array(list(element.sides.values()))
+    if element.serendipity:
+        return np.take_along_axis(cells_of(element, structure, elements), vertices[sides], axis=1)
+    corner = np.unravel_index(elements, element_counts(structure), order="F")
+    first = node_numbers(element, structure, [element.order * index for index in corner]).astype(np.int32)
+    pattern = cells_of(element, structure, np.zeros(1, dtype=np.int64))[0, vertices]
+    return np.asarray(np.take(pattern, sides, axis=0) + first[:, None])
+
+
 def cell_blocks(element: Element, structure: Counts) -> Iterator[tuple[int, NDArray[np.int32]]]:
     """Node numbers of all elements, block after block: the number of its first element, and its cells (m, k).
 
