@@ -43,6 +43,7 @@ typedef real realv;
 typedef int intv, maskv;
 #define load(p, offset) ((p)[offset])
 #define store_all(v, p, offset) ((p)[offset] = (v))
+#define store_all_int store_all
 #define to_intv(v) ((int)(v))
 #define to_realv(v) ((real)(v))
 #define as_intv(v) as_int(v)
@@ -59,12 +60,25 @@ typedef JOIN(long, LANES) maskv;
 #define to_realv(v) JOIN(JOIN(convert_, real), LANES)(v)
 #define as_intv(v) JOIN(as_int, LANES)(v)
 #define as_realv(v) JOIN(JOIN(as_, real), LANES)(v)
-// A vector wherever it lies. vload16 says the same, but of two that overlap, like nodes and their neighbours, LLVM makes
-// many loads of two numbers each.
+// A vector wherever it lies. vload16 and vstore16 say the same, but of two loads that overlap, like nodes and their
+// neighbours, LLVM makes many of two numbers each, and of one store three, which loads that follow must wait for.
 typedef realv loose __attribute__((aligned(REAL_BYTES)));
+typedef intv loose_int __attribute__((aligned(4)));
 #define load(p, offset) (*(__global const loose *)((p) + (offset)))
-#define store_all(v, p, offset) JOIN(vstore, LANES)(v, 0, (p) + (offset))
+#define store_all(v, p, offset) (*(__global loose *)((p) + (offset)) = (v))
+#define store_all_int(v, p, offset) (*(__global loose_int *)((p) + (offset)) = (v))
 #endif
+
+// The smaller and the larger of two, the second where the first is no number: an instruction, where fmin and fmax are four.
+inline realv smaller(realv a, realv b)
+{
+    return a < b ? a : b;
+}
+
+inline realv larger(realv a, realv b)
+{
+    return a > b ? a : b;
+}
 
 // Writes the first `count` lanes of v to p[offset ...].
 inline void store(realv v, __global real *p, size_t offset, int count)
@@ -81,7 +95,7 @@ inline void store(realv v, __global real *p, size_t offset, int count)
 inline void store_int(intv v, __global int *p, size_t offset, int count)
 {
     if (count >= LANES) {
-        store_all(v, p, offset);
+        store_all_int(v, p, offset);
         return;
     }
     union { intv v; int lane[LANES]; } parts = {v};

@@ -73,7 +73,7 @@ inline realv least(const realv *corner, int n_corners)
 {
     realv low = corner[0];
     for (int c = 1; c < n_corners; c++)
-        low = fmin(low, corner[c]);
+        low = smaller(corner[c], low);
     return low;
 }
 

@@ -3,7 +3,7 @@
 // Indices along one axis: the lower of the two samples round each point, and the share of the upper one.
 inline intv lower_sample(realv t, int size, realv *share)
 {
-    t = fmin(fmax(t, (realv)0), (realv)(size - 1)); // not clamp: what lies in the padding may be no number
+    t = smaller(larger(t, (realv)0), (realv)(size - 1)); // not clamp: what lies in the padding may be no number
     intv low = min(to_intv(t), (intv)max(size - 2, 0));
     *share = t - to_realv(low);
     return low;

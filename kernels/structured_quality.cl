@@ -55,13 +55,13 @@ inline realv least_of_edge(__global const real *x, __global const real *y, __glo
                            point before, point behind)
 {
     point u = unit_edge(node(x, y, z, i), node(x, y, z, i + 1));
-    return fmin(dot3(u, before), dot3(u, behind));
+    return smaller(dot3(u, before), dot3(u, behind));
 }
 
 #define LEAST(c, i)                                                                                              \
     {                                                                                                            \
         point behind = {AHEAD(n##c.x, m##c.x), AHEAD(n##c.y, m##c.y), AHEAD(n##c.z, m##c.z)};                    \
-        low = fmin(low, least_of_edge(x, y, z, i, n##c, behind));                                                \
+        low = smaller(least_of_edge(x, y, z, i, n##c, behind), low);                                             \
     }
 
 // Nodes n_u x n_v x n_w, u fastest; launched over (n_w - 1, n_v - 1, n_u - 1) cells.
