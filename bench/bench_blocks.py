@@ -22,6 +22,7 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import grow, mesher, place
+from gpubspline.mesh.blocks import level_set as levels
 from gpubspline.mesh.blocks.core import cell_means, core_cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, bulged, level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh, mesh_level_set
@@ -53,6 +54,7 @@ OFF: dict[str, dict[str, Any]] = {
 NO_PILLOW = "no pillow"
 
 REPLACED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
+    "cavities are not filled, other bodies stay": (levels, "_one_body", lambda phi, region, size_mm: phi),
     "spikes and dents of the core stay": (grow, "core_cells", lambda means: means < 0),
     "no repair of the core": (grow, "repair", lambda cells, means: (cells, 0, np.empty((0, 3), dtype=np.int64))),
     "start where the lattice is": (place, "start", lambda hexes, movable: _unmoved(hexes, movable)),

@@ -14,6 +14,7 @@ from gpubspline.errors import GpubsplineWarning, InputError, MeshError
 from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
 from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.result import BlocksReport, OtherTopology
 from gpubspline.mesh.quality import assess
 from gpubspline.methods import (
     Choice,
@@ -333,9 +334,14 @@ def test_the_number_of_blocks_is_foretold(device):
 
 
 def test_other_topology_is_warned_of():
-    warn_of_topology({"mesh": 1, "region": 1}, 2.0)
-    with pytest.warns(GpubsplineWarning, match="Euler characteristic -3, not -5.*--size below 2 mm"):
-        warn_of_topology({"mesh": -3, "region": -5}, 2.0)
+    whole = BlocksReport(2.0, 0.7, {"mesh": 1, "region": 1}, (), 0, {"count": 0, "max_mm": 0.0}, (), ())
+    warn_of_topology(whole, None)
+    places = tuple(OtherTopology((float(x), 2.0, 3.5), "closes a tunnel") for x in range(4))
+    other = replace(whole, euler={"mesh": -3, "region": -7}, topology=places)
+    said = r"Euler characteristic -3, not -7.*it closes a tunnel at \(0, 2, 3.5\) mm, closes .*, and 1 more"
+    for keeps, offer in ((None, "--size below 2 mm"), (1.6, "--size 1.6 keeps")):
+        with pytest.warns(GpubsplineWarning, match=said + ".*" + offer):
+            warn_of_topology(other, keeps)
 
 
 def test_blocks_that_miss_most_of_a_region_are_refused(monkeypatch, device):

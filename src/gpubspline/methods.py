@@ -13,10 +13,10 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import GpubsplineWarning, InputError, MeshError, NoSectionsError
 from gpubspline.mesh.blocks.curved import curve
-from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
-from gpubspline.mesh.blocks.result import Blocks, BodyReport
+from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
@@ -43,6 +43,9 @@ LONG_S, FEWER = 90.0, 50_000
 
 BODY_OFF, LISTED = 0.02, 12
 """Relative difference of a label's volume from which is warned, and the most labels that are named."""
+
+NAMED = 3
+"""Most places of another topology that are named."""
 
 MOST_FINER = 0.5
 """Part of an element below which a feature is too thin to ask for hexes that follow it."""
@@ -247,7 +250,8 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         points = mesh.points.astype(np.float64)
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
-    warn_of_topology(made.report.euler, size)
+    keeps = None if made.report.is_whole else size_that_keeps_topology(body.region, size, device=device)
+    warn_of_topology(made.report, keeps)
     warn_of_bodies(made.report.bodies, parts, size)
     return Meshed(mesh, made.report.to_dict() | figures)
 
@@ -301,16 +305,24 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
         )
 
 
-def warn_of_topology(euler: dict[str, int], size_mm: float) -> None:
-    """Warn where the mesh has other bodies, tunnels or cavities than the region."""
-    if euler["mesh"] != euler["region"]:
-        warnings.warn(
-            f"the mesh has other tunnels or cavities than the region (Euler characteristic {euler['mesh']}, not "
-            f"{euler['region']}): gaps or walls thinner than an element are closed or cut; a --size below "
-            f"{size_mm:.3g} mm follows them",
-            GpubsplineWarning,
-            stacklevel=2,
-        )
+def warn_of_topology(report: BlocksReport, keeps_mm: float | None) -> None:
+    """Warn where the mesh has other bodies, tunnels or cavities than the region: what it does where, and what does not.
+
+    ``keeps_mm`` is a size that keeps the topology, where one is known.
+    """
+    if report.is_whole:
+        return
+    places = [f"{place.what} at ({', '.join(f'{x:.4g}' for x in place.place_mm)}) mm" for place in report.topology]
+    named, rest = places[:NAMED], len(places) - NAMED
+    more = f", and {rest} more, which the summary lists" if rest > 0 else ""
+    finer = f"a --size below {report.size_mm:.3g} mm may follow what is thinner than an element there"
+    warnings.warn(
+        f"the mesh has other tunnels or cavities than the region (Euler characteristic {report.euler['mesh']}, not "
+        f"{report.euler['region']}): it {', '.join(named)}{more}; "
+        + (finer if keeps_mm is None else f"--size {keeps_mm:.3g} keeps the topology"),
+        GpubsplineWarning,
+        stacklevel=2,
+    )
 
 
 def warn_of_bodies(bodies: Sequence[BodyReport], parts: Mapping[str, Region], size_mm: float) -> None:

@@ -66,6 +66,7 @@ def summary(
         "method": None,
         "size_mm": None,
         "euler": None,
+        "topology": None,
         "off_surface_nodes": None,
         "held_back_nodes": None,
         "lost_features": None,

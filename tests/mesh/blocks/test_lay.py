@@ -10,10 +10,11 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import mesher
+from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import find_core
-from gpubspline.mesh.blocks.lay import Laid, in_turn, thickened
+from gpubspline.mesh.blocks.lay import Laid, in_turn, mended, thickened
 from gpubspline.mesh.blocks.level_set import level_set
-from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.repair import SOUND, patterns
 
@@ -47,18 +48,41 @@ def test_places_come_by_what_they_lose(losses, turns, laid, monkeypatch):
     assert given == turns and asked == laid
 
 
-def test_a_place_that_keeps_the_topology_is_taken(device: Device) -> None:
-    """A plate of 1.6 elements with a hole of 1.5, askew: where the lattice lies first the hole is closed."""
-    size = 2.0
+def bored_plate(size: float, half: float) -> Region:
+    """A plate so many elements thick to each side, with a hole of an element and a half."""
     k, j, i = np.indices((15, 41, 41)) * 0.5
-    plate = np.maximum(np.abs(k - 3.5) - 0.8 * size, np.maximum(np.abs(j - 10), np.abs(i - 10)) - 8)
+    plate = np.maximum(np.abs(k - 3.5) - half * size, np.maximum(np.abs(j - 10), np.abs(i - 10)) - 8)
     distance = np.maximum(plate, 0.75 * size - np.hypot(i - 10, j - 10)).astype(np.float32)
-    region = Region(distance < 0, distance, np.diag([0.5, 0.5, 0.5, 1.0]))
-    made = blocks_mesh(region, size, rotation=placement(1).axes(None), device=device)
-    assert made.report.euler == {"mesh": 0, "region": 0}
-    first = made.report.attempts[0]
-    assert first.euler == 0 and first.min_scaled_jacobian is not None
-    assert first.placement.turn_degrees == placement(1).turn_degrees
+    return Region(distance < 0, distance, np.diag([0.5, 0.5, 0.5, 1.0]))
+
+
+def test_a_tunnel_stays_open_wherever_the_lattice_lies(device: Device) -> None:
+    """Askew all cells across the hole of a plate have their middles inside."""
+    size, place = 2.0, placement(1)
+    region = bored_plate(size, 0.8)
+    level = level_set(region, size, rotation=place.axes(None), device=device)
+    laid = Laid(place, level, {}, find_core(level), cell_means(level.phi))
+    (closed,) = laid.core.differences
+    assert closed.what == "closes a tunnel" and laid.core.euler == {"mesh": 1, "region": 0}
+    assert np.linalg.norm(level.in_mm(closed.at[None])[0] - (10, 10, 3.5)) < size
+    whole = mended(laid)
+    assert whole.core.differences == () and whole.core.euler == {"mesh": 0, "region": 0}
+    assert SOUND[patterns(whole.core.cells)].all() and mended(whole) is whole
+    made = blocks_mesh(region, size, rotation=place.axes(None), device=device)
+    assert made.report.euler == {"mesh": 0, "region": 0} and made.report.is_whole
+    assert made.report.min_scaled_jacobian > 0.6 and {attempt.euler for attempt in made.report.attempts} == {0}
+
+
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
+def test_what_no_place_of_the_lattice_keeps_is_listed_and_a_size_that_does_found(monkeypatch, device: Device) -> None:
+    monkeypatch.setattr("gpubspline.mesh.blocks.lay.MENDINGS", 0)
+    region, axes = bored_plate(2.0, 0.8), placement(1).axes(None)
+    made = blocks_mesh(region, 2.0, rotation=axes, attempts=1, device=device)
+    (place,) = made.report.to_dict()["topology"]
+    assert not made.report.is_whole and place["what"] == "closes a tunnel"
+    assert np.linalg.norm(np.subtract(place["place_mm"], (10, 10, 3.5))) < 2.0
+    keeps = size_that_keeps_topology(region, 2.0, rotation=axes, device=device)
+    assert keeps is not None and 0.5 * 2.0 <= keeps < 2.0
 
 
 def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, device: Device) -> None:
@@ -73,12 +97,9 @@ def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, devi
 def test_walls_as_thin_as_an_element_are_kept(device: Device) -> None:
     """A plate of one element with a hole, askew: the middles of hardly any cell lie inside it."""
     size, place = 2.0, placement(1)
-    k, j, i = np.indices((15, 41, 41)) * 0.5
-    plate = np.maximum(np.abs(k - 3.5) - 0.5 * size, np.maximum(np.abs(j - 10), np.abs(i - 10)) - 8)
-    distance = np.maximum(plate, 0.75 * size - np.hypot(i - 10, j - 10)).astype(np.float32)
-    region = Region(distance < 0, distance, np.diag([0.5, 0.5, 0.5, 1.0]))
+    region = bored_plate(size, 0.5)
     level = level_set(region, size, rotation=place.axes(None), device=device)
-    laid = Laid(place, level, {}, find_core(level))
+    laid = Laid(place, level, {}, find_core(level), cell_means(level.phi))
     assert laid.far > 3
     whole = thickened(laid)
     assert whole.far == 0 and whole.core.euler == {"mesh": 0, "region": 0}

@@ -19,7 +19,8 @@ from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
 from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features
 from gpubspline.mesh.blocks.repair import repair, repair_owners
-from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport
+from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport, OtherTopology
+from gpubspline.mesh.blocks.topology import Difference, differences
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.validity import certify
@@ -39,17 +40,18 @@ class Core:
     ----------
     cells: the body of each cell where there are several, else whether it is inside.
     flips: cells that the repair changed.
-    euler: Euler characteristic of the core and of the region's level set.
+    differences: places where its topology is not that of the region's level set.
     """
 
     cells: Cells | Owners
     flips: int
-    euler: dict[str, int]
+    differences: tuple[Difference, ...]
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether its topology is the region's."""
-        return self.euler["mesh"] == self.euler["region"]
+    @cached_property
+    def euler(self) -> dict[str, int]:
+        """Euler characteristic of the core and of the region's level set."""
+        own = euler_characteristic(self.cells > 0)
+        return {"mesh": own, "region": own + sum(place.euler for place in self.differences)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,9 @@ class Grown:
             size_mm=level.size_mm,
             min_scaled_jacobian=self.placed.nodes.least,
             euler=self.core.euler,
+            topology=tuple(
+                OtherTopology(_xyz(level.in_mm(place.at[None])[0]), place.what) for place in self.core.differences
+            ),
             repaired_cells=self.core.flips,
             off_surface_nodes=off_surface(points[sets["surface"]], self.placed.reached, level.size_mm),
             lost_features=self.lost,
@@ -172,7 +177,7 @@ def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
             f"{_place(level, deepest)}: ask for a smaller size"
         )
     cells[~largest_body(cells > 0)] = 0
-    return Core(cells, flips, {"mesh": euler_characteristic(cells > 0), "region": euler_characteristic(level.inside)})
+    return Core(cells, flips, differences(cells > 0, level.inside))
 
 
 def _find_owners(level: LevelSet, means: Field, parts: Sequence[Field]) -> tuple[Owners, int, NDArray[np.int64]]:
@@ -213,6 +218,11 @@ def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> s
         f"{_place(level, corners[np.argmin(values)].mean(axis=0))}: features there are thinner than an element of "
         f"{level.size_mm:g} mm; ask for a smaller size or close the region's pores first"
     )
+
+
+def _xyz(place: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (float(coordinate) for coordinate in place)
+    return x, y, z
 
 
 def _place(level: LevelSet, at: NDArray[Any]) -> str:

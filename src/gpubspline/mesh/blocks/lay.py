@@ -1,6 +1,6 @@
 """Lattices laid over a region: what each would lose is known before hexes are made, for a tenth of the work."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import InputError, MeshError
-from gpubspline.mesh.blocks.core import Cells, cell_means, euler_characteristic, largest_body
+from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, largest_body
 from gpubspline.mesh.blocks.grow import Core
-from gpubspline.mesh.blocks.level_set import SAMPLES, LevelSet, Part
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
 from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.placement import Placement
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.blocks.topology import Difference, differences
 
 Failure = InputError | MeshError
 
@@ -30,6 +31,12 @@ KEPT = -0.3
 FILLINGS = 3
 """Most rounds of it."""
 
+PUSH, AROUND = 0.2, 2.0
+"""By how much, in elements, cells within so many of a place of another topology are pushed out or in, each round."""
+
+MENDINGS = 6
+"""Most rounds of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Laid:
@@ -41,12 +48,14 @@ class Laid:
     level: the region's level set on it.
     within: distances of the bodies that fill it, by name.
     core: its cells inside.
+    means: distance of each cell, in elements, by which they were found.
     """
 
     place: Placement
     level: LevelSet
     within: dict[str, Part]
     core: Core
+    means: Field
 
     @cached_property
     def elements(self) -> int:
@@ -65,8 +74,8 @@ class Laid:
 
     @cached_property
     def wrong(self) -> float:
-        """Tunnels, cavities and bodies too many or too few, and by how many elements lost features stand out."""
-        return abs(self.core.euler["mesh"] - self.core.euler["region"]) + self.far
+        """Places of another topology, and by how many elements lost features stand out."""
+        return len(self.core.differences) + self.far
 
     @property
     def far(self) -> float:
@@ -75,25 +84,69 @@ class Laid:
         return sum(far for far in out if far > MOST_LOST)
 
 
+def mended(laid: Laid) -> Laid:
+    """Push cells out of tunnels that the core closes and into bridges that it cuts, until its topology is the region's.
+
+    Corners of a cell round a rod or a bore about as thick as the cell lie on the other side: their mean leaves it out,
+    or fills it. How much has to be pushed is found in steps, at each place alone.
+    """
+    best, pushed = laid, laid.means
+    latest = laid.core
+    for _ in range(MENDINGS):
+        if not latest.differences:
+            break
+        pushed = _pushed(pushed, latest.differences)
+        found = _repaired(laid.level, core_cells(pushed), pushed)
+        if found is None:
+            break
+        latest = found
+        if len(found.differences) < len(best.core.differences):
+            best = replace(laid, core=found, means=pushed)
+    return best if best.wrong < laid.wrong else laid
+
+
+def _pushed(means: Field, places: Sequence[Difference]) -> Field:
+    """Raise the distance of cells round what is filled, lower it round what is cut."""
+    pushed = np.array(means)
+    for place in places:
+        at = place.at[::-1] - 0.5
+        low = np.maximum(np.floor(at - AROUND).astype(int), 0)
+        window = tuple(slice(a, int(b) + 2) for a, b in zip(low, at + AROUND, strict=True))
+        steps = np.indices(pushed[window].shape) + (low - at)[:, None, None, None]
+        share = np.clip(1.5 - np.linalg.norm(steps, axis=0) / AROUND, 0, 1)
+        pushed[window] += (PUSH if place.filled else -PUSH) * share.astype(np.float32)
+    return pushed
+
+
 def thickened(laid: Laid) -> Laid:
     """Take in cells that thin features pass through, round after round, while less is lost than before.
 
     A wall thinner than two elements passes between the middles of cells: none of them lies inside.
     """
-    means = cell_means(laid.level.phi)
     for _ in range(FILLINGS):
         if not laid.far:
             break
         own = laid.core.cells > 0
         wanted = own | _missing(laid)
-        means = np.where(wanted & ~own, np.minimum(means, KEPT), means)
-        cells, flips, unsound = repair(wanted, means)
-        cells = largest_body(cells)
-        more = replace(laid, core=Core(cells, flips, {**laid.core.euler, "mesh": euler_characteristic(cells)}))
-        if len(unsound) or more.wrong >= laid.wrong:
+        means = np.where(wanted & ~own, np.minimum(laid.means, KEPT), laid.means)
+        found = _repaired(laid.level, wanted, means)
+        if found is None:
+            break
+        more = replace(laid, core=found, means=means)
+        if more.wrong >= laid.wrong:
             break
         laid = more
     return laid
+
+
+def _repaired(level: LevelSet, wanted: Cells, means: Field) -> Core | None:
+    """Core of the cells wanted, repaired; None where that fails."""
+    cells, _, unsound = repair(wanted, means)
+    if len(unsound) or not cells.any():
+        return None
+    cells = largest_body(cells)
+    flips = int(np.count_nonzero(cells != core_cells(cell_means(level.phi))))
+    return Core(cells, flips, differences(cells, level.inside))
 
 
 def _missing(laid: Laid) -> Cells:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.errors import MeshError
+from gpubspline.errors import InputError, MeshError
+from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, thickened
+from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, mended, thickened
 from gpubspline.mesh.blocks.level_set import LevelSet, Part, level_set, part_of
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.result import Attempt, Blocks
@@ -32,6 +33,10 @@ MOST_MENDED = 100_000
 
 TINY = 0.03
 """A hex whose least determinant is a smaller part of its mean one is poor, whatever its angles."""
+
+FINER, MOST_LAID = (0.8, 0.65, 0.5), 250_000
+"""Parts of an element's size that are tried for one which keeps a region's topology, and how many cells there may be.
+"""
 
 MOST_OFF = 0.02
 """By what part the volume of one of several bodies may be off in a small mesh without another place being tried."""
@@ -122,8 +127,27 @@ def _lay(
     place = placement(number)
     level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
     within = {name: part_of(level, part, device=device) for name, part in parts.items()}
-    laid = Laid(place, level, within, find_core(level, within))
-    return laid if parts else thickened(laid)
+    laid = Laid(place, level, within, find_core(level, within), cell_means(level.phi))
+    return laid if parts else mended(thickened(laid))
+
+
+def size_that_keeps_topology(
+    region: Region, size_mm: float, *, device: Device, rotation: NDArray[np.float64] | None = None
+) -> float | None:
+    """Element size, mm, below one that does not keep it, at which the core has the region's topology; None if none has.
+
+    Lattices are laid, hexes are not made.
+    """
+    for share in FINER:
+        if region.volume_mm3 / (share * size_mm) ** 3 > MOST_LAID:
+            break
+        try:
+            laid = _lay(region, share * size_mm, {}, rotation, device, 0)
+        except (InputError, MeshError):
+            continue
+        if not laid.core.differences:
+            return share * size_mm
+    return None
 
 
 def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:

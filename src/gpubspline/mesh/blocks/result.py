@@ -64,6 +64,24 @@ class BodyReport:
 
 
 @dataclass(frozen=True)
+class OtherTopology:
+    """A place where the mesh has a tunnel, a cavity or a bridge more or less than the region.
+
+    Attributes
+    ----------
+    place_mm: (x, y, z), LPS.
+    what: the mesh does there, such as ``"closes a tunnel"``.
+    """
+
+    place_mm: tuple[float, float, float]
+    what: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {"place_mm": list(self.place_mm), "what": self.what}
+
+
+@dataclass(frozen=True)
 class BlocksReport:
     """What is known of a mesh of blocks beside its quality.
 
@@ -72,7 +90,8 @@ class BlocksReport:
     size_mm: of an element.
     min_scaled_jacobian: of the worst hex.
     euler: Euler characteristic of the mesh and of the region's level set, ``{"mesh": 1, "region": 1}``.
-    repaired_cells: cells of the core that were flipped to make its boundary a manifold.
+    topology: places where the mesh's is not that of the level set.
+    repaired_cells: cells of the core that were flipped to make its boundary a manifold of that topology.
     off_surface_nodes: surface nodes that had to leave the surface: ``{"count": 0, "max_mm": 0.0}``.
     lost_features: parts of the region too thin for the lattice, farthest out first.
     attempts: places of the lattice that were tried; the mesh is the best of them.
@@ -82,6 +101,7 @@ class BlocksReport:
     size_mm: float
     min_scaled_jacobian: float
     euler: dict[str, int]
+    topology: tuple[OtherTopology, ...]
     repaired_cells: int
     off_surface_nodes: dict[str, float]
     lost_features: tuple[LostFeature, ...]
@@ -91,7 +111,7 @@ class BlocksReport:
     @property
     def is_whole(self) -> bool:
         """Whether the mesh's topology is the region's."""
-        return self.euler["mesh"] == self.euler["region"]
+        return not self.topology
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, for JSON."""
@@ -99,6 +119,7 @@ class BlocksReport:
             "size_mm": self.size_mm,
             "min_scaled_jacobian": self.min_scaled_jacobian,
             "euler": dict(self.euler),
+            "topology": [place.to_dict() for place in self.topology],
             "repaired_cells": self.repaired_cells,
             "off_surface_nodes": dict(self.off_surface_nodes),
             "lost_features": [feature.to_dict() for feature in self.lost_features],
