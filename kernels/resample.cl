@@ -1,4 +1,4 @@
-// Trilinear sampling of a volume at points in patient millimetres, or of a lattice. A volume has less than 2^31 samples.
+// Trilinear sampling of a volume at points in patient millimetres, or of bricks of a lattice. A volume has less than 2^31 samples.
 
 // Indices along one axis: the lower of the two samples round each point, and the share of the upper one.
 inline intv lower_sample(realv t, int size, realv *share)
@@ -104,22 +104,25 @@ inline realv out_of(realv t, int size, real gap)
     return gap * fmax(-t, t - (real)(size - 1));
 }
 
-// The same of a distance at the samples (m_k, m_j, m_i) of a lattice, launched over its rows and m_i: the border's value goes
+// The same of a distance at the samples of bricks of a lattice, launched over their rows and `edge`: the border's value goes
 // on outside, but no less than the distance from the planes of the outermost voxel centres, `gap` (3) apart along each
-// axis. to_index maps indices of the lattice to those of the volume.
+// axis. to_index maps indices of the lattice to those of the volume; `corners` (bricks, 3) are the indices i, j, k of the
+// first sample of each.
 __kernel __attribute__((vec_type_hint(realv)))
-void lattice(__global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
-             __global const real *gap, int m_i, int m_j, __global real *out)
+void bricks(__global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
+            __global const real *gap, __global const int *corners, int edge, __global real *out)
 {
     __global const real *m = to_index;
-    int row = get_global_id(1), j = row % m_j, k = row / m_j;
+    int row = get_global_id(1);
+    __global const int *corner = corners + 3 * (row / (edge * edge));
+    int j = row % edge + corner[1], k = row / edge % edge + corner[2];
     real bi = m[1] * j + m[2] * k + m[3], bj = m[5] * j + m[6] * k + m[7], bk = m[9] * j + m[10] * k + m[11];
     union { intv v; int lane[LANES]; } up;
     for (int lane = 0; lane < LANES; lane++)
-        up.lane[lane] = lane;
-    FOR_LANES(i, m_i) {
+        up.lane[lane] = lane + corner[0];
+    FOR_LANES(i, edge) {
         realv at = to_realv(up.v + i), ti = m[0] * at + bi, tj = m[4] * at + bj, tk = m[8] * at + bk;
         realv off = fmax(fmax(out_of(ti, n_i, gap[0]), out_of(tj, n_j, gap[1])), out_of(tk, n_k, gap[2]));
-        store(fmax(interpolated(volume, n_i, n_j, n_k, ti, tj, tk), off), out, (size_t)row * m_i + i, m_i - i);
+        store(fmax(interpolated(volume, n_i, n_j, n_k, ti, tj, tk), off), out, (size_t)row * edge + i, edge - i);
     }
 }

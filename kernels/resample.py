@@ -1,4 +1,4 @@
-"""Trilinear sampling of a volume at points in patient millimetres, or of a lattice."""
+"""Trilinear sampling of a volume at points in patient millimetres, or of bricks of a lattice."""
 
 from typing import Any
 
@@ -133,31 +133,33 @@ def out_of(t: Any, size: wp.int32, gap: Any):
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def lattice(
+def bricks(
     volume: wp.array(dtype=Any),
     n_i: wp.int32,
     n_j: wp.int32,
     n_k: wp.int32,
     to_index: wp.array(dtype=Any),
     gap: wp.array(dtype=Any),
-    m_i: wp.int32,
-    m_j: wp.int32,
+    corners: wp.array(dtype=wp.int32),
+    edge: wp.int32,
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """A distance at the samples (m_k, m_j, m_i) of a lattice, launched over its rows and m_i.
+    """A distance at the samples of bricks of a lattice, launched over their rows and ``edge``.
 
     The border's value goes on outside, but no less than the distance from the planes of the outermost voxel centres,
-    ``gap`` (3) apart along each axis. to_index maps indices of the lattice to those of the volume.
+    ``gap`` (3) apart along each axis. to_index maps indices of the lattice to those of the volume; ``corners`` (bricks,
+    3) are the indices i, j, k of the first sample of each.
     """
     tid_row, i = wp.tid()
     row = tid_row + first
-    x = volume.dtype(i)
-    y = volume.dtype(row % m_j)
-    z = volume.dtype(row // m_j)
+    brick = row // (edge * edge)
+    x = volume.dtype(i + corners[3 * brick])
+    y = volume.dtype(row % edge + corners[3 * brick + 1])
+    z = volume.dtype(row // edge % edge + corners[3 * brick + 2])
     t_i = to_index[0] * x + (to_index[1] * y + to_index[2] * z + to_index[3])
     t_j = to_index[4] * x + (to_index[5] * y + to_index[6] * z + to_index[7])
     t_k = to_index[8] * x + (to_index[9] * y + to_index[10] * z + to_index[11])
     off = wp.max(wp.max(out_of(t_i, n_i, gap[0]), out_of(t_j, n_j, gap[1])), out_of(t_k, n_k, gap[2]))
-    at = wp.int64(row) * wp.int64(m_i) + wp.int64(i)
+    at = wp.int64(row) * wp.int64(edge) + wp.int64(i)
     out[at] = wp.max(interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k), off)

@@ -33,16 +33,18 @@ def test_agrees_with_scipy(any_device: Device, shape: tuple[int, int, int], clam
 
 
 @pytest.mark.parametrize("shape", [(5, 6, 7), (9, 1, 4)])
-def test_lattice_agrees_with_scipy(any_device: Device, shape: tuple[int, int, int]) -> None:
+def test_bricks_of_a_lattice_agree_with_scipy(any_device: Device, shape: tuple[int, int, int]) -> None:
     """A distance on a turned lattice that reaches beyond the volume, where its planes bound what is inside."""
     rng = np.random.default_rng(4)
-    volume, counts, gap = rng.uniform(-1, 1, shape), (3, 5, 21), np.array([0.5, 2.0, 1.25])
+    volume, edge, gap = rng.uniform(-1, 1, shape), 9, np.array([0.5, 2.0, 1.25])
     matrix = np.column_stack([rng.uniform(-0.4, 0.4, (3, 3)), np.array(shape[::-1]) / 3])
-    out = any_device.empty(counts)
+    corners = np.array([[0, 9, 0], [18, 0, 9]], dtype=np.int32)
+    out = any_device.empty((2, edge, edge, edge))
     grid = (any_device.put(volume), *shape[::-1], any_device.put(matrix), any_device.put(gap))
-    any_device.launch("resample.lattice", (counts[0] * counts[1], counts[2]), *grid, counts[2], counts[1], out)
-    k, j, i = (index.ravel() for index in np.indices(counts))
-    index = matrix @ np.stack([i, j, k, np.ones(k.size)])
+    any_device.launch("resample.bricks", (2 * edge * edge, edge), *grid, any_device.put(corners), edge, out)
+    k, j, i = np.indices((edge, edge, edge)).reshape(3, -1)
+    at = np.concatenate([np.stack([i, j, k]) + corner[:, None] for corner in corners], axis=1)
+    index = matrix @ np.vstack([at, np.ones(at.shape[1])])
     last = np.array(shape[::-1])[:, None] - 1
     off = (np.maximum(-index, index - last) * gap[:, None]).max(axis=0)
     expected = np.maximum(map_coordinates(volume, index[::-1], order=1, mode="nearest"), off)

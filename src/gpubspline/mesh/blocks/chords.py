@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from gpubspline.mesh.blocks.level_set import SAMPLES, spread
+from gpubspline.mesh.blocks.bricks import bricks_round
+from gpubspline.mesh.blocks.level_set import CLIP, SAMPLES, Field, spread
 
 FARTHEST = 0.25
 """Most, in elements, that the level set is moved for it."""
@@ -42,16 +43,18 @@ class Chords:
         """What lies between the faces and the level set, more outside positive, in elements."""
         return float(self.off @ self.areas)
 
-    def field(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Mean distance of the faces around, at samples of this shape: added to a level set it brings them back."""
-        cells = tuple((n - 1) // SAMPLES for n in shape)
+    def added_to(self, phi: Field) -> Field:
+        """Move a level set by the mean distance of the faces around, which brings them back to it."""
+        cells = tuple((n - 1) // SAMPLES for n in phi.shape)
         at = np.clip(np.floor(self.centres[:, ::-1]).astype(np.int64), 0, np.array(cells) - 1)
         number = np.ravel_multi_index(tuple(at.T), cells)
         weight, total = (
             np.bincount(number, values, int(np.prod(cells))).reshape(cells)
             for values in (self.areas, self.areas * self.off)
         )
-        return np.clip(spread(weight, total, shape), -FARTHEST, FARTHEST)
+        bricks = bricks_round(phi, CLIP)
+        off = np.clip(bricks.between_cells(spread(weight, total), SAMPLES), -FARTHEST, FARTHEST)
+        return bricks.put(bricks.of(phi, -CLIP, CLIP) + off, phi.copy())
 
 
 def measure_chords(

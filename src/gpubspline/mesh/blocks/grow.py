@@ -17,7 +17,7 @@ from gpubspline.mesh.blocks.labelled import assign, body_volumes, costs, element
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
 from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
-from gpubspline.mesh.blocks.reach import LostFeature, lost_features
+from gpubspline.mesh.blocks.reach import CoreDistance, LostFeature, core_distance, lost_features
 from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport, OtherTopology
 from gpubspline.mesh.blocks.topology import Difference, differences
@@ -52,6 +52,11 @@ class Core:
         """Euler characteristic of the core and of the region's level set."""
         own = euler_characteristic(self.cells > 0)
         return {"mesh": own, "region": own + sum(place.euler for place in self.differences)}
+
+    @cached_property
+    def distance(self) -> CoreDistance:
+        """Distance from the boundary of the cells."""
+        return core_distance(self.cells > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +149,7 @@ def grow(
     hexes = pillow(core.cells)
     held = hold(hexes)
     interfaces = find_interfaces(list((parts or {}).values()), held, core.cells, clamp=clamp)
-    holding = Holding(hexes, held, core.cells, interfaces, device, clamp)
+    holding = Holding(hexes, held, core.distance if clamp else None, interfaces, device)
     placed = place_nodes(holding, level, effort, bulge=bulge)
     if not (allow_inverted or placed.nodes.least > 0):
         raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))

@@ -15,10 +15,11 @@ from scipy.ndimage import label
 
 from gpubspline.ct.region import Region
 from gpubspline.errors import InputError
+from gpubspline.mesh.blocks.bricks import bricks_round
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.contacts import nearest_body
 from gpubspline.mesh.blocks.core import Cells, count_neighbours
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field, Part, brought_back, bulged
+from gpubspline.mesh.blocks.level_set import CLIP, SAMPLES, Field, Part, brought_back, bulged
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed
 from gpubspline.mesh.blocks.reach import core_distance, near
 from gpubspline.mesh.movable import FREE
@@ -147,14 +148,13 @@ def find_interfaces(parts: Sequence[Part], held: Held, owners: Cells | Owners, *
 
     ``clamp``: hold nodes near the cells, without which those of thin bodies are drawn to other sheets.
     """
-    own = {
-        body: core_distance(owners == body, parts[0].phi.shape)
-        for body in {body for pair in held.pairs for body in pair}
-    }
+    own = {body: core_distance(owners == body).field for body in {body for pair in held.pairs for body in pair}}
     found: Interfaces = {}
     for a, b in held.pairs:
         one, other = parts[a - 1], parts[b - 1]
-        phi = brought_back(0.5 * (one.phi - other.phi), 0.5 * (one.raw - other.raw))
+        bricks = bricks_round(one.phi, CLIP).joined(bricks_round(other.phi, CLIP))
+        phi, raw = 0.5 * (one.phi - other.phi), 0.5 * (one.raw - other.raw)
+        bricks.put(brought_back(bricks, *(bricks.of(field, -CLIP, CLIP) for field in (phi, raw))), phi)
         reached = near(bulged(phi), 0.5 * (own[a] - own[b])) if clamp else bulged(phi)
         found[a, b] = Interface(phi, reached)
     return found
@@ -165,8 +165,7 @@ def straightened(interfaces: Interfaces, hexes: Pillowed, points: NDArray[Any]) 
     moved: Interfaces = {}
     for pair, interface in interfaces.items():
         faces = hexes.interfaces[(hexes.sides == pair).all(axis=1)]
-        off = measure_chords(points, faces, interface.phi).field(interface.phi.shape)
-        moved[pair] = replace(interface, held=interface.held + off)
+        moved[pair] = replace(interface, held=measure_chords(points, faces, interface.phi).added_to(interface.held))
     return moved
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, largest_body
@@ -63,9 +62,9 @@ class Laid:
         return count_hexes(self.core.cells > 0)
 
     @cached_property
-    def reached(self) -> NDArray[np.float32]:
+    def reached(self) -> Field:
         """The level set as far as the core reaches."""
-        return within_reach(self.level.phi, self.core.cells > 0)
+        return within_reach(self.level.phi, self.core.distance)
 
     @cached_property
     def lost(self) -> tuple[LostFeature, ...]:

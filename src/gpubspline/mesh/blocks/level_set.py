@@ -9,13 +9,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import SimpleITK as sitk
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.mesh.blocks.bricks import Bricks, bricks_round
+from gpubspline.mesh.blocks.runs import runs_of
+from gpubspline.mesh.blocks.sampled import sample_near
 
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -152,26 +154,33 @@ def level_set(
         raise InputError(f"expected an element size above 0 mm, got {size_mm}")
     rotation = np.eye(3) if rotation is None else rotation
     frame = lattice_frame(region, size_mm, rotation, offset)
-    shape = tuple(SAMPLES * n + 1 for n in lattice_cells(region, size_mm, rotation))
-    phi = close_cracks(_sampled(region, frame, shape, device) / np.float32(size_mm), closing)
-    phi = _smooth(phi, smoothing * SAMPLES)
-    return LevelSet(_one_body(phi, region, size_mm), size_mm, frame)
+    n_k, n_j, n_i = (SAMPLES * n + 1 for n in lattice_cells(region, size_mm, rotation))
+    bricks, phi = _sampled(region, frame, (n_k, n_j, n_i), size_mm, closing, device)
+    phi = _smooth(bricks, close_cracks(bricks, phi, closing), smoothing * SAMPLES)
+    return LevelSet(_one_body(bricks.field(phi), region, size_mm), size_mm, frame)
 
 
-def bulged(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+def bulged(phi: Field) -> Field:
     """Move the zero level by the mean sag of bilinear faces of one element between nodes on it.
 
     Across a curvature c a chord of length 1 sags by c / 12 on average. Nodes that lie so much farther out leave as
     much of the mesh outside the surface as inside, and its volume right to second order.
     """
-    bent = np.zeros_like(phi)
+    bricks = bricks_round(phi, CLIP)
+    values = bricks.of(phi, -CLIP, CLIP)
+    bent = np.zeros_like(values)
     for axis in range(3):
-        line, out = np.moveaxis(phi, axis, 0), np.moveaxis(bent, axis, 0)
-        out[SAMPLES:-SAMPLES] += line[2 * SAMPLES :] - 2 * line[SAMPLES:-SAMPLES] + line[: -2 * SAMPLES]
-    return np.asarray(phi - np.clip(bent / np.float32(12), -MOST_BULGE, MOST_BULGE), dtype=np.float32)
+        bent += bricks.along(values, axis, SAMPLES, _bend)
+    values -= np.clip(bent / np.float32(12), -MOST_BULGE, MOST_BULGE)
+    return bricks.put(values, phi.copy())
 
 
-def volume_inside(phi: NDArray[np.float32]) -> float:
+def _bend(lines: Field) -> Field:
+    """Second differences along lines, an element apart."""
+    return np.asarray(lines[:, 2 * SAMPLES :] - 2 * lines[:, SAMPLES:-SAMPLES] + lines[:, : -2 * SAMPLES])
+
+
+def volume_inside(phi: Field) -> float:
     """Volume, in elements, that the zero level holds."""
     return float(_share_inside(phi).sum(dtype=np.float64)) / SAMPLES**3
 
@@ -192,34 +201,28 @@ class Part:
 
 def part_of(level: LevelSet, region: Region, *, smoothing: float = SMOOTHING, device: Device) -> Part:
     """Sample the distance of one of the bodies of a level set's region."""
-    sampled = _sampled(region, level.to_mm, level.phi.shape, device)
-    raw = np.clip(sampled / np.float32(level.size_mm), -CLIP, CLIP)
-    return Part(_smooth(raw, smoothing * SAMPLES), raw)
+    bricks, raw = _sampled(region, level.to_mm, level.phi.shape, level.size_mm, 0.0, device)
+    return Part(bricks.field(_smooth(bricks, raw, smoothing * SAMPLES)), bricks.field(raw))
 
 
-def _sampled(region: Region, frame: Floats, shape: tuple[int, ...], device: Device) -> NDArray[np.float32]:
-    """Distance, mm, of the region bounded by its grid, at the samples of the level set."""
-    inverse = np.linalg.inv(region.affine)
-    to_index = inverse[:3] @ frame @ np.diag([1 / SAMPLES, 1 / SAMPLES, 1 / SAMPLES, 1.0])
-    gap_mm = 1 / np.linalg.norm(inverse[:3, :3], axis=1)
-    n_k, n_j, n_i = shape
-    volume, out = device.put(region.distance_mm), device.empty(shape)
-    grid = (volume, *region.shape, device.put(np.ascontiguousarray(to_index)), device.put(gap_mm))
-    device.launch("resample.lattice", (n_k * n_j, n_i), *grid, n_i, n_j, out)
-    return np.array(device.get(out), dtype=np.float32).reshape(shape)
+def _sampled(
+    region: Region, frame: Floats, shape: tuple[int, ...], size_mm: float, edge: float, device: Device
+) -> tuple[Bricks, Field]:
+    """Distance, in elements, of the region bounded by its grid, at the samples of the level set."""
+    to_index = np.linalg.inv(region.affine)[:3] @ frame @ np.diag([1 / SAMPLES, 1 / SAMPLES, 1 / SAMPLES, 1.0])
+    return sample_near(region, to_index, shape, size_mm, CLIP, edge, device)
 
 
-def _smooth(phi: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+def _smooth(bricks: Bricks, phi: Field, sigma: float) -> Field:
     """Twice the smoothed distance minus the twice smoothed one: to first order curved surfaces stay where they are."""
-    phi = np.clip(phi, -CLIP, CLIP)
     if sigma == 0:
         return phi
-    once = gaussian_filter(phi, sigma, truncate=3.0, mode="nearest")
-    twice = gaussian_filter(once, sigma, truncate=3.0, mode="nearest")
-    return brought_back(np.asarray(2 * once - twice, dtype=np.float32), phi)
+    once = bricks.smoothed(phi, sigma)
+    twice = bricks.smoothed(once, sigma)
+    return brought_back(bricks, np.asarray(2 * once - twice, dtype=np.float32), phi)
 
 
-def brought_back(smooth: NDArray[np.float32], phi: NDArray[np.float32]) -> NDArray[np.float32]:
+def brought_back(bricks: Bricks, smooth: Field, phi: Field) -> Field:
     """Move the zero level until it holds the volume of the unsmoothed one, within an element or so around.
 
     Smoothing flattens the ridge of a distance half way between two sheets, which draws near ones: it thickened plates
@@ -228,40 +231,23 @@ def brought_back(smooth: NDArray[np.float32], phi: NDArray[np.float32]) -> NDArr
     near = np.maximum(0, 1 - np.abs(smooth) * np.float32(1 / BAND)).astype(np.float32)
     change = _share_inside(smooth)
     change -= _share_inside(phi)
-    return np.asarray(smooth + spread(_of_cells(near) / BAND, _of_cells(change), smooth.shape), dtype=np.float32)
+    weight, total = (bricks.summed_in_cells(values, SAMPLES) for values in (near, change))
+    return np.asarray(smooth + bricks.between_cells(spread(weight / BAND, total), SAMPLES), dtype=np.float32)
 
 
-def _share_inside(phi: NDArray[np.float32]) -> NDArray[np.float32]:
+def _share_inside(phi: Field) -> Field:
     """Share of the box of each sample that lies inside, as if it faced the surface."""
     return np.asarray(np.clip(0.5 - SAMPLES * phi, 0, 1), dtype=np.float32)
 
 
-def _of_cells(samples: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Sums over the samples of each lattice cell, but for those of its far sides."""
-    n_k, n_j, n_i = ((n - 1) // SAMPLES for n in samples.shape)
-    each = samples[:-1, :-1, :-1].reshape(n_k, SAMPLES, n_j, SAMPLES, n_i, SAMPLES)
-    return np.asarray(each.sum(axis=(1, 3, 5)))
-
-
-def spread(weight: NDArray[Any], total: NDArray[Any], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Mean of what was weighed and summed up in each lattice cell, over an element or so around, at samples."""
+def spread(weight: NDArray[Any], total: NDArray[Any]) -> Field:
+    """Mean of what was weighed and summed up in each lattice cell, over an element or so around."""
     around = gaussian_filter(weight.astype(np.float32), 1.0, truncate=3.0)
     summed = gaussian_filter(total.astype(np.float32), 1.0, truncate=3.0)
-    mean = np.where(around > 0, summed / np.where(around > 0, around, 1), 0)
-    return _of_samples(mean.astype(np.float32), shape)
+    return np.where(around > 0, summed / np.where(around > 0, around, 1), 0).astype(np.float32)
 
 
-def _of_samples(cells: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Values of cells (n_k, n_j, n_i), linear between the middles of what they were summed over, at samples."""
-    for axis, n in enumerate(shape):
-        at = np.clip((np.arange(n) - (SAMPLES - 1) / 2) / SAMPLES, 0, cells.shape[axis] - 1)
-        low = np.minimum(at.astype(int), cells.shape[axis] - 2)
-        share = (at - low).astype(np.float32).reshape([-1 if a == axis else 1 for a in range(3)])
-        cells = cells.take(low, axis) * (1 - share) + cells.take(low + 1, axis) * share
-    return cells
-
-
-def close_cracks(phi: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
+def close_cracks(bricks: Bricks, phi: Field, radius: float) -> Field:
     """Fill what is outside but nowhere as wide as a ball of ``radius`` elements: cracks, pores, thin tunnels.
 
     Morphological closing: grown by the radius, then shrunk by it. Only what ends up deeper inside than ``GROOVE`` is
@@ -269,30 +255,22 @@ def close_cracks(phi: NDArray[np.float32], radius: float) -> NDArray[np.float32]
     """
     if radius == 0:
         return phi
-    grown = sitk.GetImageFromArray((phi < radius).astype(np.uint8))
-    depth = sitk.GetArrayFromImage(sitk.SignedMaurerDistanceMap(grown, True, False, False))
-    shrunk = np.float32(radius) - depth / np.float32(SAMPLES)
-    return np.asarray(np.minimum(phi, shrunk + np.float32(GROOVE)), dtype=np.float32)
+    shrunk = np.float32(radius) - bricks.depth(phi < radius) / np.float32(SAMPLES)
+    return np.asarray(np.clip(shrunk + np.float32(GROOVE), -CLIP, phi), dtype=np.float32)
 
 
-def _one_body(phi: NDArray[np.float32], region: Region, size_mm: float) -> NDArray[np.float32]:
-    """Push everything but the largest body outside, and cavities that hold no element inside."""
-    inside = phi < 0
-    if not inside.any():
+def _one_body(phi: Field, region: Region, size_mm: float) -> Field:
+    """Push everything but the largest body outside, and cavities that hold no element inside; ``phi`` is lost."""
+    inside = runs_of(phi < 0)
+    if not len(inside.start):
         raise InputError(
             f"expected a region thicker than an element of {size_mm:g} mm, got none: the region's voxels are "
             f"{region.spacing_mm.min():g} mm and it holds {np.count_nonzero(region.mask):,}: ask for a smaller size"
         )
-    bodies, sizes = _components(inside)
-    phi = np.where(inside & (bodies != np.argmax(sizes) + 1), np.abs(phi) + np.float32(1e-3), phi)
-    holes, sizes = _components(~(phi < 0))
-    small = np.flatnonzero(sizes < SMALLEST_CAVITY * SAMPLES**3) + 1
-    if small.size:
-        phi = np.where(np.isin(holes, small), -np.abs(phi) - np.float32(1e-3), phi)
-    return np.asarray(phi, dtype=np.float32)
-
-
-def _components(mask: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Number of the face-connected body of each sample, from 1, and the samples of each body."""
-    labels = sitk.GetArrayFromImage(sitk.ConnectedComponent(sitk.GetImageFromArray(mask.astype(np.uint8))))
-    return labels, np.bincount(labels.reshape(-1))[1:]
+    flat = phi.reshape(-1)
+    others = inside.samples(inside.bodies != np.argmax(inside.sizes))
+    flat[others] = np.abs(flat[others]) + np.float32(1e-3)
+    outside = runs_of(phi >= 0)
+    small = outside.samples((outside.sizes < SMALLEST_CAVITY * SAMPLES**3)[outside.bodies])
+    flat[small] = -np.abs(flat[small]) - np.float32(1e-3)
+    return phi

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.mesh.blocks.chords import measure_chords
-from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.labelled import Held, Interfaces, level_volumes, straightened
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, volume_inside
-from gpubspline.mesh.blocks.pillow import Owners, Pillowed
-from gpubspline.mesh.blocks.reach import within_reach
+from gpubspline.mesh.blocks.pillow import Pillowed
+from gpubspline.mesh.blocks.reach import CoreDistance, within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, copy, lift, settle
@@ -33,19 +32,18 @@ LEAST_LENGTH = 0.3
 class Holding:
     """Hexes, and what their nodes are held by.
 
-    ``cells`` are those of the core.
+    ``core``: the distance that keeps them near it, where something does.
     """
 
     hexes: Pillowed
     held: Held
-    cells: Cells | Owners
+    core: CoreDistance | None
     interfaces: Interfaces
     device: Device
-    clamp: bool
 
     def by(self, wanted: Field) -> tuple[Movable, Field]:
         """Hold the nodes by a level set, as far as the core reaches; gives that too."""
-        reached = within_reach(wanted, self.cells > 0) if self.clamp else wanted
+        reached = wanted if self.core is None else within_reach(wanted, self.core)
         volumes = np.stack(level_volumes(reached, self.interfaces, self.held))
         level = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), self.device)
         cells, n, held = self.hexes.cells, self.hexes.n_nodes, self.held
@@ -81,7 +79,7 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
         volume = volume_inside(level.phi)
         chords = measure_chords(first.points, holding.hexes.quads, level.phi, volume)
         if abs(chords.volume) > FEW * volume or several:
-            made = _lifted(_settled_again(holding, first, wanted + chords.field(wanted.shape), effort), colours, effort)
+            made = _lifted(_settled_again(holding, first, chords.added_to(wanted), effort), colours, effort)
             if made.nodes.least >= POOR:
                 return made
             first = first if several else _lifted(first, colours, effort)

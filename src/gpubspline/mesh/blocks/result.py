@@ -6,7 +6,7 @@ from typing import Any
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.level_set import LevelSet
 from gpubspline.mesh.blocks.placement import Placement
-from gpubspline.mesh.blocks.reach import LostFeature, within_reach
+from gpubspline.mesh.blocks.reach import LostFeature, core_distance, within_reach
 from gpubspline.mesh.mesh import Mesh
 
 
@@ -139,4 +139,4 @@ class Blocks:
 
     def surface(self) -> LevelSet:
         """The level set as far as the core reaches it: sheets that it does not reach are left out."""
-        return replace(self.level, phi=within_reach(self.level.phi, self.core))
+        return replace(self.level, phi=within_reach(self.level.phi, core_distance(self.core)))
