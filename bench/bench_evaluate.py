@@ -42,7 +42,7 @@ PAPER = (20, 24, 46)
 CUBES = ((64, 64, 64), (128, 128, 128))
 CASES = {  # control points, degree, nodes a direction
     "full": [(*case, nodes) for nodes in (200, 460) for case in [(PAPER, 3), *product(CUBES, (1, 2, 3, 4, 5))]],
-    "quick": [(PAPER, 3, 200), ((64,) * 3, 1, 200), ((64,) * 3, 3, 200), ((64,) * 3, 5, 200), ((128,) * 3, 3, 200)],
+    "quick": [(*case, 200) for case in [(PAPER, 3), *product(CUBES, (1, 2, 3, 4, 5))]],
     "tiny": [((5, 6, 7), 3, 9), ((4, 4, 4), 1, 8)],
 }
 FAST_CASE = (PAPER, 3, 700)

@@ -15,7 +15,7 @@ from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.spline.lattice import control_lattice
 
-SIZES = {"full": (500, 512, 512), "quick": (250, 256, 256), "tiny": (12, 14, 16)}  # voxels (k, j, i)
+SIZES = {"full": (500, 512, 512), "quick": (500, 512, 512), "tiny": (12, 14, 16)}  # voxels (k, j, i)
 CONTROL = {"full": (20, 24, 46), "quick": (20, 24, 46), "tiny": (4, 5, 6)}
 SPACING_MM = np.array([1.0, 0.7, 0.7])
 TOLERANCE_MM = 0.1

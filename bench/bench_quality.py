@@ -24,8 +24,8 @@ from gpubspline.bench.recorder import Recorder
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import scaled_jacobian
 
-STRUCTURED = {"full": [200], "quick": [128], "tiny": [10]}  # nodes a direction
-EXPLICIT = {"full": [201], "quick": [128], "tiny": [10]}
+STRUCTURED = {"full": [200], "quick": [200], "tiny": [10]}  # nodes a direction
+EXPLICIT = {"full": [201], "quick": [201], "tiny": [10]}
 FAST = 460
 ROUNDING = 3e-7
 """For each node along an edge of the grid: coordinates grow with it, their differences do not."""

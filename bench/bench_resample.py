@@ -23,7 +23,7 @@ from gpubspline.mesh.distance import sample_distance
 
 SIZES = {  # voxels (k, j, i), points (w, v, u)
     "full": ((200, 512, 512), (250, 200, 200)),
-    "quick": ((100, 256, 256), (125, 128, 128)),
+    "quick": ((200, 512, 512), (250, 200, 200)),
     "tiny": ((6, 7, 8), (5, 6, 7)),
 }
 BYTES = 16
@@ -44,18 +44,26 @@ def _indices(voxels: tuple[int, ...], points: tuple[int, ...]) -> NDArray[np.flo
     return np.asarray(cells * step, dtype=np.float32)
 
 
+def grid_and_points(
+    voxels: tuple[int, ...], points: tuple[int, ...], order: NDArray[Any] | None = None
+) -> tuple[Region, NDArray[np.float32], NDArray[Any]]:
+    """A distance on a grid, and where it is asked for: indices (n, 3) and places (n, 3), mm."""
+    region, indices = _region(voxels), _indices(voxels, points)
+    indices = indices if order is None else indices[order]
+    return region, indices, indices[:, ::-1] @ region.affine[:3, :3].T + region.affine[:3, 3]
+
+
 def rows(place: Place) -> Iterator[Row]:
     """Time points in the order of a mesh, and the same in none."""
     voxels, points = SIZES[place.scale]
-    region, ordered = _region(voxels), _indices(voxels, points)
-    shuffled = np.random.default_rng(7).permutation(len(ordered))
-    for order, indices in (("mesh order", ordered), ("random order", ordered[shuffled])):
-        recorder, at = Recorder(place.device), indices[:, ::-1] @ region.affine[:3, :3].T + region.affine[:3, 3]
+    shuffled = np.random.default_rng(7).permutation(int(np.prod(points)))
+    for words, order in (("mesh order", None), ("random order", shuffled)):
+        recorder, (region, indices, at) = Recorder(place.device), grid_and_points(voxels, points, order)
         values = sample_distance(region, at, recorder)
         peers: dict[str, Peer] = {"scipy.ndimage": partial(_scipy, region, indices)}
         seconds, others = time_beside("resample", recorder.replay, values, 2e-4, peers)
         floor = BYTES * len(at) / place.triad
-        size = f"{len(at):,} points in {order}, {'x'.join(map(str, voxels[::-1]))} voxels"
+        size = f"{len(at):,} points in {words}, {'x'.join(map(str, voxels[::-1]))} voxels"
         yield Row("resample", size, place.device.name, seconds, len(at), floor / seconds, others)
 
 

@@ -17,7 +17,7 @@ from gpubspline.bench.measure import Host, Row, WrongResult
 from gpubspline.ct.phantom_dicom import write_phantom
 from gpubspline.device import open_device
 
-NODES = {"full": [1e5, 1e6, 1e7, 1e8], "quick": [1e5, 1e6], "tiny": [1e3]}
+NODES = {"full": [1e5, 1e6, 1e7, 1e8], "quick": [1e5, 1e6, 1e7, 1e8], "tiny": [1e3]}
 SHAPE = (480, 480, 450)
 PHANTOM = {"full": "head", "quick": "head", "tiny": "child-femur"}
 CONTROL = {"full": "20,80,26", "quick": "20,80,26", "tiny": "6,7,8"}

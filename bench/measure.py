@@ -83,6 +83,7 @@ class Row:
         None where no bytes bound the work.
     peers: seconds of others for the same work, None for one that is not installed.
     peak_bytes: most memory of the process, where it was watched.
+    gpu: whether the device is one.
     """
 
     name: str
@@ -93,6 +94,7 @@ class Row:
     bandwidth_fraction: float | None = None
     peers: dict[str, float | None] = field(default_factory=dict)
     peak_bytes: int | None = None
+    gpu: bool = False
 
     @property
     def ratio(self) -> dict[str, float | None]:
@@ -120,8 +122,13 @@ def best_of(run: Run, *, warm_up: bool = True, budget: float = 1.0, at_least: in
 
 
 def best_in_turn(*runs: Run, rounds: int = 5) -> list[float]:
-    """Least seconds of each of several runs, taken in turn, so that what disturbs one disturbs the others too."""
-    seconds = [[best_of(run, warm_up=False, budget=0.0, at_least=1) for run in runs] for _ in range(1 + rounds)]
+    """Least seconds of each of several runs, taken in turn, so that what disturbs one disturbs the others too.
+
+    Of long ones there are fewer rounds, two at least after the first, which warms up.
+    """
+    seconds, start = list[list[float]](), perf_counter()
+    while len(seconds) <= rounds and (len(seconds) < 3 or perf_counter() - start < 2 * LONG):
+        seconds.append([best_of(run, warm_up=False, budget=0.0, at_least=1) for run in runs])
     return [min(found) for found in zip(*seconds[1:], strict=True)]
 
 

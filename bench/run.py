@@ -6,6 +6,7 @@ import runpy
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from gpubspline.bench import (
@@ -20,6 +21,7 @@ from gpubspline.bench import (
     bench_read,
     bench_resample,
     bench_scale,
+    bench_scaling,
     bench_stages,
     bench_start_up,
     bench_write,
@@ -38,6 +40,7 @@ ON_DEVICES: dict[str, Callable[[Place], Iterator[Row]]] = {
     "mapping": bench_mapping.rows,
     "fused": bench_fused.rows,
     "resample": bench_resample.rows,
+    "scaling": bench_scaling.rows,
     "elasticity-operator": bench_elasticity.operator,
     "elasticity-solve": bench_elasticity.solves,
     "elasticity-growth": bench_elasticity.growth,
@@ -89,7 +92,7 @@ def _rows(wanted: Sequence[str], devices: Sequence[str], scale: str) -> Iterator
     places = [bench_bandwidth.measure(open_device(name), scale) for name in devices if on_devices]
     for bench in on_devices:
         for place in places:
-            yield from bench(place)
+            yield from (replace(row, gpu=place.device.cores == 0) for row in bench(place))
     for name, host_bench in ON_HOST.items():
         if name in wanted:
             with tempfile.TemporaryDirectory() as folder:

@@ -16,8 +16,8 @@ from gpubspline.bench.recorder import Recorder
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 
-UNHARMED = ("bandwidth", "start-up", "elasticity-solve", "elasticity-growth")
-"""Without results, or solves, which mend what their preconditioner gets wrong."""
+UNHARMED = ("bandwidth", "start-up", "scaling", "elasticity-solve", "elasticity-growth")
+"""Without results, or solves, which mend what their preconditioner gets wrong; scaling repeats what others check."""
 
 RESULTS = [name for name in run.ON_DEVICES if name not in UNHARMED]
 
@@ -173,7 +173,20 @@ def test_aims_of_files_grow_with_them() -> None:
     assert words(Row("write-vtu", "1,331,000 hexes, 98 MB", "host", 1.0, 1, 0.51)) == ["50 % of bandwidth reached"]
     big = Row("scale", "103,680,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=2 * 10**9)
     assert words(big) == ["90 s missed", "6 GB reached"]
-    assert words(Row("scale", "1,000,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=10**9)) == ["6 GB reached"]
+    assert words(Row("scale", "1,000,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=10**9)) == []
+
+
+def test_aims_of_a_gpu_are_shares_of_its_bandwidth_by_either_backend() -> None:
+    size, times = "degree 3, control 20x24x46, 9x9x9 nodes", {"scipy float64": 2.0}
+    for name in ("opencl:1:0", "warp:cuda:0"):
+        assert words(Row("evaluate", size, name, 1.0, 1, 0.71, times, gpu=True)) == ["70 % of bandwidth reached"]
+    assert words(Row("fused", size, "opencl:1:0", 1.0, 1, 0.71, {"slowest part": 1.0}, gpu=True)) == []
+
+
+def test_what_scales_with_cores_is_warp() -> None:
+    for seconds, told in ((1.5, "reached"), (1.4, "missed")):
+        row = Row("scaling", "evaluate", "warp:cpu", 1.0, 1, None, {"one core": seconds})
+        assert words(row) == [f"1.5 x one core {told}"]
 
 
 def test_aims_beside_other_rows() -> None:

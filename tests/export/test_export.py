@@ -1,5 +1,6 @@
 """Every format: written, read back by meshio and where it can by VTK, with its fields; whole or not at all."""
 
+import tracemalloc
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -335,3 +336,24 @@ def test_a_format_of_ones_own(tmp_path: Path) -> None:
     assert seen == [(8, tmp_path / "m.own")]
     with pytest.raises(InputError, match=r"elements of hex8 for \.own"):
         write(Mesh(axes[:4], "quad4", structure=(2, 2)), tmp_path / "m.own", format=form)
+
+
+@pytest.mark.parametrize("extension", [".inp", ".vtu", ".vts", ".vtkhdf"])
+def test_memory_hardly_grows_with_what_is_written(extension, tmp_path):
+    """The table of elements would be 32 bytes a node, four columns of a deck as many; sides grow with the surface."""
+    peaks, counts = [], (41, 81)
+    for n in counts:
+        mesh = structured_block(n)
+        write(mesh, tmp_path / f"m{extension}")  # imports
+        tracemalloc.start()
+        write(mesh, tmp_path / f"m{extension}")
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 12 * (counts[1] ** 3 - counts[0] ** 3)
+
+
+def structured_block(n):
+    """A cube of n x n x n nodes with a material."""
+    points = np.indices((n, n, n), dtype=np.float32).reshape(3, -1)[::-1].T
+    hu = np.random.default_rng(4).uniform(100, 2000, n**3).astype(np.float32)
+    return Mesh(points, "hex8", (n, n, n)).with_fields({"HU": hu, "E_MPa": 5 * hu, "nu": np.full_like(hu, 0.3)})

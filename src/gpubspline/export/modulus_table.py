@@ -120,22 +120,34 @@ def _plain(fields: dict[str, NDArray[Any]], names: list[str], most_rows: int) ->
 
 def _along_modulus(fields: dict[str, NDArray[Any]], names: list[str], n_rows: int) -> ModulusTable:
     """Table along the modulus, in which it is itself, and all else the mean of the nodes about each row."""
-    modulus = fields["E_MPa"].astype(np.float64)
-    if modulus.min() <= 0:
-        raise InputError(f"expected positive moduli, got {modulus.min():g} MPa")
-    at = np.geomspace(modulus.min(), modulus.max(), n_rows).astype(fields["E_MPa"].dtype).astype(np.float64)
-    at[[0, -1]] = modulus.min(), modulus.max()
+    modulus = fields["E_MPa"]
+    low, high = float(modulus.min()), float(modulus.max())
+    if low <= 0:
+        raise InputError(f"expected positive moduli, got {low:g} MPa")
+    at = np.geomspace(low, high, n_rows).astype(modulus.dtype).astype(np.float64)
+    at[[0, -1]] = low, high
     at = np.unique(at)
-    nearest = np.searchsorted(np.sqrt(at[1:] * at[:-1]), modulus)
-    count = np.bincount(nearest, minlength=at.size)
-    columns, off = {"E_MPa": at}, {}
-    for name in names[1:]:
-        values = fields[name].astype(np.float64)
-        mean = np.bincount(nearest, values, at.size)[count > 0] / count[count > 0]
-        columns[name] = np.interp(at, at[count > 0], mean)
-        off[name] = np.abs(np.interp(modulus, at, columns[name]) - values)
-    density = float(np.max(off["density_g_cm3"] / fields["density_g_cm3"])) if "density_g_cm3" in off else 0.0
-    return ModulusTable("E_MPa", at, columns, 0.0, float(off["nu"].max()), density)
+    between, sums = np.sqrt(at[1:] * at[:-1]), np.zeros((len(names), at.size))
+    for nodes in _parts(modulus.size):
+        nearest = np.searchsorted(between, modulus[nodes].astype(np.float64))
+        sums += [np.bincount(nearest, None if name == "E_MPa" else fields[name][nodes], at.size) for name in names]
+    met = sums[0] > 0
+    columns, off = {"E_MPa": at}, {"density_g_cm3": 0.0}
+    for name, total in zip(names[1:], sums[1:], strict=True):
+        columns[name] = column = np.interp(at, at[met], total[met] / sums[0, met])
+        off[name] = max(_most_off(fields, name, nodes, at, column) for nodes in _parts(modulus.size))
+    return ModulusTable("E_MPa", at, columns, 0.0, off["nu"], off["density_g_cm3"])
+
+
+def _most_off(fields: dict[str, NDArray[Any]], name: str, nodes: slice, at: Floats, column: Floats) -> float:
+    """Largest difference of some nodes' values from a table along the modulus, of a density relative to it."""
+    values = fields[name][nodes].astype(np.float64)
+    off = np.abs(np.interp(fields["E_MPa"][nodes], at, column) - values)
+    return float(np.max(off if name == "nu" else off / values))
+
+
+def _parts(n_nodes: int) -> list[slice]:
+    return [slice(first, first + _SAMPLE) for first in range(0, n_nodes, _SAMPLE)]
 
 
 def _tabulate(
@@ -150,8 +162,7 @@ def _tabulate(
         return np.stack([column[nodes].astype(np.float64) for column in (along, *columns)])
 
     n_nodes = along.size
-    parts = [slice(first, first + _SAMPLE) for first in range(0, n_nodes, _SAMPLE)]
-    parts.insert(0, slice(0, n_nodes, -(-n_nodes // _SAMPLE)))
+    parts = [slice(0, n_nodes, -(-n_nodes // _SAMPLE)), *_parts(n_nodes)]
     table = values([along.argmin(), along.argmax()])
     if table[0, 0] == table[0, 1]:
         table = table[:, :1]
