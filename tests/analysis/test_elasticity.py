@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from gpubspline.analysis.elasticity import solve
-from gpubspline.analysis.stiffness import stiffness
+from gpubspline.analysis.multigrid import _spacing
+from gpubspline.analysis.stiffness import numbers_of, stiffness
 from gpubspline.errors import InputError, SolveError
+from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -330,6 +332,34 @@ def test_iterations_hardly_grow(device):
         forces[mesh.node_sets["w1"], 0] = 1.0
         iterations.append(solve(mesh, held(mesh, "w0"), forces, device=device).iterations)
     assert iterations[1] <= 1.5 * iterations[0]
+
+
+def test_an_edge_without_length_does_not_keep_the_grids_from_coarsening(device64):
+    mesh = box("hex8", (9, 9, 30), (1.0, 1.0, 3.0))
+    mesh.points[1] = mesh.points[0]
+    forces = np.zeros((mesh.n_nodes, 3))
+    forces[mesh.node_sets["w1"], 0] = 1.0
+    assert min(_spacing(mesh.structure, mesh.points)) > 0.05
+    assert solve(mesh, held(mesh, "w0"), forces, device=device64).iterations < 60
+
+
+@pytest.mark.parametrize(("element_type", "formulation"), [*FORMS, ("hex8", "orthotropic")])
+def test_the_limit_of_elements_counts_the_longest_array(element_type, formulation, device64, monkeypatch):
+    """Kernels index with 32 bits: what is refused must follow from the numbers that an element has in any array."""
+    mesh, longest = box(element_type, (5, 4, 4)), [0]
+    if formulation == "orthotropic":
+        full = np.ones(mesh.n_elements)
+        mesh, formulation = with_orthotropy(mesh, 900.0 * full, 2500.0 * full, 0.36 * full), "full"
+    empty = device64.empty
+
+    def noted(shape, dtype=None):
+        longest[0] = max(longest[0], int(np.prod(shape)))
+        return empty(shape, dtype)
+
+    monkeypatch.setattr(device64, "empty", noted)
+    k = stiffness(explicit(mesh), device64, formulation=formulation)
+    k.inverse_blocks(device64.put(np.ones((3, mesh.n_nodes))))
+    assert longest[0] <= numbers_of(mesh, formulation) * k.n_elements
 
 
 def test_bad_input_is_one_line(device64):

@@ -36,6 +36,8 @@ DIRECT = 2_000_000
 """Numbers in the band of a matrix that is solved directly."""
 CLOSE = 1.7
 """Directions are coarsened whose nodes lie closer than this, times the closest direction."""
+SHORTEST = 0.05
+"""Of an edge, in mean ones of its direction."""
 
 TILE = 8
 """Nodes whose blocks lie together."""
@@ -289,9 +291,13 @@ def _products(finest: Elements, way: Transfer, free: NDArray[np.bool_]) -> Buffe
 
 
 def _spacing(counts: Counts, points: NDArray[Any]) -> list[float]:
-    """Distance of neighbours along each direction, mm: that whose coupling, by 1 / distance^2, is their mean."""
+    """Distance of neighbours along each direction, mm: that whose coupling, by 1 / distance^2, is their mean.
+
+    Edges count as no shorter than ``SHORTEST``: one without length couples without end.
+    """
     grid = points.reshape(*counts[::-1], 3).astype(np.float64)
-    return [float(np.mean(1 / np.sum(np.diff(grid, axis=axis) ** 2, axis=-1)) ** -0.5) for axis in (2, 1, 0)]
+    squares = [np.sum(np.diff(grid, axis=axis) ** 2, axis=-1) for axis in (2, 1, 0)]
+    return [float(np.mean(1 / np.maximum(square, SHORTEST**2 * square.mean())) ** -0.5) for square in squares]
 
 
 def _is_direct(counts: Counts) -> bool:

@@ -228,9 +228,16 @@ def _check(mesh: Mesh, modulus: str, formulation: str) -> None:
     check_material(mesh)
     if formulation != "full" and is_orthotropic(mesh):
         raise InputError(f"expected the formulation 'full' for orthotropic elements, got {formulation!r}")
-    numbers = 24 if mesh.element.order == 1 else 9 * 27
-    if numbers * mesh.n_elements >= 2**31:
-        raise InputError(f"expected fewer elements than a 32-bit number counts, got {mesh.n_elements:,}")
+    most = (2**31 - 1) // numbers_of(mesh, formulation)
+    if mesh.n_elements > most:
+        raise InputError(f"expected at most {most:,} {mesh.element_type}, got {mesh.n_elements:,}")
+
+
+def numbers_of(mesh: Mesh, formulation: str) -> int:
+    """Most numbers that an element has in one array, which kernels find by 32-bit indices."""
+    vertices, (_, weights) = mesh.element.n_nodes, mesh.element.gauss()
+    by_points = vertices > 8 or is_orthotropic(mesh)
+    return max(6 * vertices, 9 * len(weights) if by_points else 0, 81 if formulation == "incompatible" else 0)
 
 
 def _check_jacobians(
