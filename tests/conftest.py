@@ -30,27 +30,36 @@ def opened(name: str, precision: str) -> Device:
         if os.environ.get("CI"):
             raise
         pytest.skip(str(error))
-    _leave_nan(device)
+    _poison(device)
     return device
 
 
-def _leave_nan(device: Any) -> None:
-    """Fill what ``empty`` reserves with NaN, which new memory seldom holds: whoever reads before writing is found."""
-    empty = device.empty
+UNWRITTEN = -1431655766
+"""What integers hold before anything wrote them: as an index far out of range, as a count none."""
 
-    def of_nan(shape: int | tuple[int, ...], dtype: Any = None) -> Any:
+
+def _poison(device: Any) -> None:
+    """Fill what ``empty`` reserves, and the padding behind, with what new memory seldom holds.
+
+    Whoever reads before writing, or lets what it reads past the end count, is found: NaN goes on through sums.
+    """
+    if hasattr(device, "unpoisoned"):  # the same device is opened again
+        return
+    empty = device.unpoisoned = device.empty
+
+    def poisoned(shape: int | tuple[int, ...], dtype: Any = None) -> Any:
         buffer = empty(shape, dtype)
-        if np.dtype(device.real if dtype is None else dtype).kind == "f" and buffer.size:
-            if device.backend == "warp":
-                buffer.fill_(np.nan)
-            else:
-                nothing, count = np.array(np.nan, buffer.dtype), buffer.size * buffer.dtype.itemsize
-                pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, nothing, 0, count)
+        kind = np.dtype(device.real if dtype is None else dtype)
+        value = np.array(np.nan if kind.kind == "f" else UNWRITTEN).astype(kind)
+        if device.backend == "warp" and buffer.size:
+            buffer.fill_(value.item())
+        elif device.backend == "opencl":
+            pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, value, 0, buffer.memory.size)
         return buffer
 
     if device.backend == "opencl":
         import pyopencl
-    device.empty = of_nan
+    device.empty = poisoned
 
 
 @pytest.fixture(scope="session", params=BACKENDS)
