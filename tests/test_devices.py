@@ -2,6 +2,8 @@
 
 import gc
 import importlib
+import subprocess
+import sys
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
@@ -168,3 +170,22 @@ def test_opencl_finishes_before_it_is_let_go() -> None:
     del device, there, arguments
     gc.collect()
     assert last.command_execution_status == done
+
+
+CHECKED = """
+import warp
+warp.config.mode = "debug"  # every index is compared with the buffer's size; what is out of it ends the process
+import numpy as np
+from gpubspline import open_device
+from gpubspline.spline.hyperpatch import hyperpatch
+device = open_device("warp:cpu")
+for shape, samples in (((2, 2, 2), 40), ((7, 8, 9), 11)):
+    patch = hyperpatch(np.ones((*shape, 4)), 1)
+    assert np.all(patch.evaluate_grid([np.linspace(0, 1, samples)] * 3, device) == 1)
+"""
+
+
+def test_vectors_that_begin_near_the_end_of_a_buffer_lie_in_it() -> None:
+    """A row shorter than a vector, and fewer numbers in all than one holds, read as vectors."""
+    pytest.importorskip("warp")
+    subprocess.run([sys.executable, "-c", CHECKED], check=True, timeout=300)

@@ -75,17 +75,23 @@ class WarpDevice:
             return array
         values = np.asarray(array)
         dtype = self.real if values.dtype.kind == "f" else np.int32
+        if self._device.is_cpu:
+            buffer = self.empty(values.size, dtype)
+            buffer.numpy().reshape(values.shape)[...] = values
+            return buffer
         flat = np.ascontiguousarray(values, dtype=dtype).reshape(-1)
         return self._warp.array(flat, device=self._device, copy=True)
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
-        """Reserve a buffer; kernels see it flat."""
+        """Reserve a buffer, on a CPU padded by the lanes that a kernel may read past its end; kernels see it flat."""
         kind = np.dtype(self.real if dtype is None else dtype)
+        size = int(np.prod(shape, dtype=np.int64))
+        padded = size + CPU_LANES[0] if size and self._device.is_cpu else size
         try:
-            return self._warp.empty(shape, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
+            whole = self._warp.empty(padded, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
         except (RuntimeError, ValueError) as error:
-            size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
-            raise MemoryError(f"{self.label} has no room for {size:,} bytes: {error}") from None
+            raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
+        return whole[:size].reshape(shape) if size else whole.reshape(shape)
 
     def get(self, buffer: Any) -> NDArray[Any]:
         """Download."""
@@ -147,11 +153,10 @@ class WarpDevice:
         for position, argument in enumerate(function.adj.args[: len(inputs)]):
             if any(argument.type is kind for kind in self._lane_arrays):
                 flat = inputs[position]
-                count = max(flat.size - lanes + 1, 0)
                 seen[position] = self._warp.array(
                     ptr=flat.ptr,
                     dtype=self._warp.types.vector(lanes, flat.dtype),
-                    shape=(count,),
+                    shape=(flat.size,),
                     strides=flat.strides,
                     device=self._device,
                     capacity=flat.capacity,
