@@ -384,6 +384,22 @@ def test_no_input_is_overwritten(run: Command, femur: Path, tmp_path: Path) -> N
     assert mesh.read_bytes() == before and np.array_equal(np.load(tmp_path / "ct.npy"), samples)
 
 
+def test_parts_of_a_mask_that_are_left_out_are_warned_of(run: Command, tmp_path: Path) -> None:
+    """Two balls in one mask: the larger alone is meshed; a speck beside it is not spoken of."""
+    k, j, i = np.mgrid[:16, :16, :32] - 7.5
+    one, other = k**2 + j**2 + i**2 < 40, k**2 + j**2 + (i - 16) ** 2 < 30
+    speck = np.zeros_like(one)
+    speck[0, 0, 0] = True
+    np.save(tmp_path / "ct.npy", np.where(one | other, 500, -1000).astype(np.int16))
+    said = {}
+    for name, mask in (("both", one | other), ("speck", one | speck)):
+        np.save(tmp_path / "mask.npy", mask.astype(np.uint8))
+        words = ["--spacing", "1,1,1", "--mask", tmp_path / "mask.npy", "-o", tmp_path / "m.npz"]
+        status, _, said[name] = run("fit", tmp_path / "ct.npy", *words)
+        assert status == 0
+    assert "warning: 39% of the mask is left out" in said["both"] and said["speck"] == ""
+
+
 def test_bad_demo_leaves_no_folder(run: Command, tmp_path: Path) -> None:
     assert_one_line(*run("demo", tmp_path / "d", "--backend", "metal")[::2], "expected a backend")
     (tmp_path / "file").write_text("")

@@ -66,7 +66,7 @@ REFUSED = [
     (("-o", "a.txt"), "expected a mesh file of .inp, .vtu"),
     (("-o", "a.k", "--nodal-modulus"), "holds a modulus by node, got .k"),
     (("-o", "a.vtu", "--modulus-bins", "3"), "modulus bins with a deck"),
-    (("-o", "a.cdb", "--modulus-bins", "0"), "at least 1 modulus bin, got 0"),
+    (("-o", "a.cdb", "--modulus-bins", "0"), "--modulus-bins of 1 or more, got 0"),
     (("-o", "a.cdb", "--modulus-bins", "3", "--nodal-modulus"), "or modulus bins, got both"),
     (("-o", "a.su2", "--load", "stance"), "holds a load case, got .su2"),
     (("-o", "a.feb", "--load", "dance"), "a load case of stance"),

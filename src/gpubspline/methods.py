@@ -387,8 +387,11 @@ def warn_of_volume(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
         )
 
 
-def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None) -> None:
-    """Warn of parts of the region that the mesh leaves out, the farthest by name, and say what follows it."""
+def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None, less: float = 0.0) -> None:
+    """Warn of parts of the region that the mesh leaves out, the farthest by name, and say what follows it.
+
+    ``less``: part of the region's volume that the mesh lacks, which is told where it is large.
+    """
     if not lost:
         return
     worst = max(lost, key=lambda feature: float(feature["out_mm"]))
@@ -401,6 +404,8 @@ def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None) -> None:
             if thick > MOST_FINER * size_mm:
                 finer = f"; a --size of {thick / ACROSS:.2g} mm follows it"
     what = "a part of the region is" if len(lost) == 1 else f"{len(lost)} parts of the region are"
+    if less > BRIDGED:
+        what = f"{less:.0%} of the region's volume and {what}"
     where = f"at ({place}) mm" + (f", where it is {thick:.2g} mm thick" if thick is not None else "")
     warnings.warn(
         f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh {where}{finer} (--features draws where)",

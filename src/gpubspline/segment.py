@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.masks import open_labels, read_segment
-from gpubspline.ct.region import otsu_threshold, region_from_mask, region_from_threshold
+from gpubspline.ct.region import Region, otsu_threshold, region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.ct.window import Window, crop, find_window
 from gpubspline.device import Device
@@ -24,6 +25,9 @@ from gpubspline.surface.region import region_from_surface
 from gpubspline.surface.surface import Surface, spelled
 
 AXES = {"x": 0, "y": 1, "z": 2}
+
+APART = 0.01
+"""Share of a mask, in parts of their own, from which is warned: less are specks."""
 
 
 def find_body(source: Source, clock: Clock) -> Body:
@@ -48,6 +52,7 @@ def find_body(source: Source, clock: Clock) -> Body:
             if mask.coverage is not None:
                 options["coverage"] = mask.coverage[window.slices]
             region = region_from_mask(volume, mask.inside[window.slices], **options)
+            _warn_of_parts(mask.inside[window.slices], region)
             return Body(whole, volume, region, None, labels, source.partial_volume)
         threshold = source.threshold_hu
         if threshold is None:  # of all slices, also where one is meshed: it may hold nothing but air
@@ -55,6 +60,17 @@ def find_body(source: Source, clock: Clock) -> Body:
         options["smoothing_mm"] = source.smoothing_mm or 0.0
         region = region_from_threshold(volume, threshold, **options)
         return Body(whole, volume, region, threshold, labels, source.partial_volume)
+
+
+def _warn_of_parts(mask: NDArray[np.bool_], region: Region) -> None:
+    """Warn where a mask has parts apart from its largest, which alone is meshed."""
+    left = np.count_nonzero(mask & ~region.mask) / np.count_nonzero(mask)
+    if left > APART:
+        warnings.warn(
+            f"{left:.0%} of the mask is left out: it lies apart from the largest part, which alone is meshed",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
 
 
 def find_surface_body(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from gpubspline.cli.solid import warn_of_shape
 from gpubspline.ct.region import Region
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.element_size import default_size
@@ -62,7 +63,23 @@ def test_lost_parts_are_warned_of_once_with_the_farthest():
     lost = [{"place_mm": [1, 2, 3], "out_mm": 1.0}, {"place_mm": [4, 5, 6], "out_mm": 7.0}]
     with pytest.warns(GpubsplineWarning, match=r"2 parts of the region are left out, up to 7\.0 mm .* \(4\.0, 5\.0, 6"):
         warn_of_lost(lost, 1.5)
-    warn_of_lost([], 1.5)
+    with pytest.warns(GpubsplineWarning, match=r"8% of the region's volume and 2 parts of the region are left out"):
+        warn_of_lost(lost, 1.5, less=0.08)
+    warn_of_lost([], 1.5, less=0.08)
+
+
+@pytest.mark.parametrize(("lost", "mesh_mm3", "said"), [(1, 90.0, 1), (0, 90.0, 1), (1, 110.0, 2), (1, 99.0, 1)])
+def test_volume_that_lost_parts_had_is_warned_of_once(lost, mesh_mm3, said):
+    features = [{"place_mm": [1, 2, 3], "out_mm": 3.0, "thickness_mm": 1.0}][:lost]
+    figures = {
+        "method": {"name": "blocks"},
+        "volume_mm3": {"mesh": mesh_mm3, "region": 100.0},
+        "lost_features": features,
+        "size_mm": 1.5,
+    }
+    with pytest.warns(GpubsplineWarning) as warned:
+        warn_of_shape(figures)
+    assert len(warned) == said
 
 
 @pytest.mark.parametrize(

@@ -128,10 +128,14 @@ def warn_of_shape(figures: dict[str, Any]) -> None:
     """Warn of gaps that a mesh bridges or closes, and of parts of the body that it leaves out."""
     from gpubspline.methods import warn_of_bridges, warn_of_lost, warn_of_volume
 
+    lost, size_mm, less = figures["lost_features"] or [], figures["size_mm"], 0.0
     if figures["method"]["name"] == "tensor":
         for size in (figures["volume_mm3"], figures["area_mm2"]):
             if size["mesh"] is not None and size["region"]:
                 warn_of_bridges(size["mesh"], size["region"])
     if figures["method"]["name"] == "blocks":
-        warn_of_volume(figures["volume_mm3"]["mesh"], figures["volume_mm3"]["region"], figures["size_mm"])
-    warn_of_lost(figures["lost_features"] or [], figures["size_mm"])
+        volume = figures["volume_mm3"]
+        less = 1 - volume["mesh"] / volume["region"]
+        if not lost or less < 0:
+            warn_of_volume(volume["mesh"], volume["region"], size_mm)
+    warn_of_lost(lost, size_mm, less)

@@ -16,7 +16,7 @@ from gpubspline.material.alarms import Alarms, count_alarms
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import LawOnDevice, Material, apply_material, law_on_device
+from gpubspline.material.mapping import LawOnDevice, Material, apply_material, check_policy, law_on_device
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.registry import law as find_law
 from gpubspline.material.voxel_mass import voxel_mass_g
@@ -62,6 +62,7 @@ class Mapping:
         """Check once, at the door."""
         if self.how not in MAPPINGS:
             raise InputError(f"expected a mapping of {', '.join(MAPPINGS)}, got {self.how!r}")
+        check_policy(**self.policy)
         check_treatment(self.partial_volume)
         if self.surface_depth_mm is not None and not 0 < self.surface_depth_mm < np.inf:
             raise InputError(f"expected a positive depth below the surface in mm, got {self.surface_depth_mm:g}")

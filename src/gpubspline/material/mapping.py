@@ -109,16 +109,23 @@ def law_on_device(
     floor_poisson: float = FLOOR_POISSON,
 ) -> LawOnDevice:
     """Bring a law to a device; arguments and errors as of ``map_material``."""
-    if policy not in POLICIES:
-        raise InputError(f"expected a policy of {', '.join(POLICIES)} for HU outside the law, got {policy!r}")
-    if not (0 < floor_modulus_mpa < np.inf and 0 <= floor_poisson < 0.5):
-        floor = f"{floor_modulus_mpa:g} MPa and {floor_poisson:g}"
-        raise InputError(f"expected a positive floor modulus and a Poisson's ratio below 0.5, got {floor}")
+    check_policy(policy, floor_modulus_mpa, floor_poisson)
     names = ("lower_hu", "upper_hu", "factor_mpa", "exponent", "offset_mpa", "poisson")
     columns = [device.put(np.array([getattr(piece, name) for piece in law.pieces])) for name in names]
     lines = [device.put(np.array(column)) for column in zip(*law.density.lines, strict=True)]
     floor_values = (int(policy == "floor"), float(floor_modulus_mpa), float(floor_poisson))
     return LawOnDevice(device, (*columns, len(law.pieces), *lines, len(law.density.lines), *floor_values))
+
+
+def check_policy(
+    policy: str = "clamp", floor_modulus_mpa: float = FLOOR_MODULUS_MPA, floor_poisson: float = FLOOR_POISSON
+) -> None:
+    """Raise InputError for an unknown policy or a floor of no solid."""
+    if policy not in POLICIES:
+        raise InputError(f"expected a policy of {', '.join(POLICIES)} for HU outside the law, got {policy!r}")
+    if not (0 < floor_modulus_mpa < np.inf and 0 <= floor_poisson < 0.5):
+        floor = f"{floor_modulus_mpa:g} MPa and {floor_poisson:g}"
+        raise InputError(f"expected a positive floor modulus and a Poisson's ratio below 0.5, got {floor}")
 
 
 def _refuse(hu: NDArray[Any], material: Material) -> None:

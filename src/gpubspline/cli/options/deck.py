@@ -55,6 +55,8 @@ class DeckOptions:
 
         form = find_format(output, self.format)
         asked = {"binned": self.modulus_bins is not None, "nodal": self.nodal_modulus, "loads": self.load is not None}
+        if self.modulus_bins is not None and self.modulus_bins < 1:
+            raise InputError(f"expected --modulus-bins of 1 or more, got {self.modulus_bins}")
         form.check_asked(self.format or output.suffix.lower(), **asked)
         find_units(self.units)
         if self.load is not None:

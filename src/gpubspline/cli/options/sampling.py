@@ -85,6 +85,8 @@ class SamplingOptions:
             if self.out_of_range != "floor":
                 raise InputError(f"expected --floor-modulus with --out-of-range floor, got {self.out_of_range}")
             policy["floor_modulus_mpa"] = self.floor_modulus
+        if self.order not in (1, 2):
+            raise InputError(f"expected --order of 1 or 2, got {self.order}")
         counts = integers(self.nodes, "nodes", (2, 3, 4))
         across = None if self.transverse_law is None else find_law(self.transverse_law)
         mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, across, policy)
