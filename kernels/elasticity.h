@@ -37,12 +37,12 @@ inline realv cofactors(const realv *t, realv *A)
     return t[0] * A[0] + t[3] * A[1] + t[6] * A[2];
 }
 
-// H A: times 1 / det the gradient in space, by rows of the component.
-inline void spread(const realv *H, const realv *A, realv *G)
+// out = X Y, 3 x 3 by rows; H A is det times the gradient in space.
+inline void times(const realv *X, const realv *Y, realv *out)
 {
-    for (int c = 0; c < 3; c++)
-        for (int l = 0; l < 3; l++)
-            G[3 * c + l] = H[3 * c] * A[l] + H[3 * c + 1] * A[3 + l] + H[3 * c + 2] * A[6 + l];
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            out[3 * r + c] = X[3 * r] * Y[c] + X[3 * r + 1] * Y[3 + c] + X[3 * r + 2] * Y[6 + c];
 }
 
 // Stress (xx, yy, zz, yz, xz, xy) of a gradient G / det.

@@ -1,51 +1,13 @@
 // Linear elasticity of hex8: the forces of every element on its nodes, K u, without any matrix, 2 x 2 x 2 Gauss points.
-// Layouts and the mathematics are those of elasticity.h.
+// Layouts and the mathematics are those of elasticity.h; derivatives, with u fastest at the vertices, of trilinear.h.
 
 #include "elasticity.h"
+#include "trilinear.h"
 
 #define FULL 0
 #define INCOMPATIBLE 1 // with three quadratic modes a component. Source: Taylor, Beresford and Wilson 1976
 #define BBAR 2         // with the mean dilatation. Source: Hughes 1980
-#define GAUSS 0.21132486540518711775 // (1 - 1 / sqrt 3) / 2
-#define WEIGHT 0.125
-
-// Values at four corners (0, 0), (1, 0), (0, 1), (1, 1) to the four Gauss points in the same order; its own transpose.
-inline void bilinear(realv a, realv b, realv c, realv d, realv *out)
-{
-    realv s = (realv)GAUSS * (b - a), t = (realv)GAUSS * (d - c);
-    realv p = a + s, q = b - s, r = c + t, o = d - t;
-    realv u = (realv)GAUSS * (r - p), v = (realv)GAUSS * (o - q);
-    out[0] = p + u;
-    out[1] = q + v;
-    out[2] = r - u;
-    out[3] = o - v;
-}
-
-// Derivatives of a trilinear function along each parameter, which does not depend on that parameter: 3 x 4 values at the
-// Gauss points of the other two.
-inline void derivatives(const realv *v, realv *d)
-{
-    bilinear(v[1] - v[0], v[2] - v[3], v[5] - v[4], v[6] - v[7], d);
-    bilinear(v[3] - v[0], v[2] - v[1], v[7] - v[4], v[6] - v[5], d + 4);
-    bilinear(v[4] - v[0], v[5] - v[1], v[7] - v[3], v[6] - v[2], d + 8);
-}
-
-// The transpose.
-inline void vertices(const realv *d, realv *v)
-{
-    realv u[4], w[4], t[4];
-    bilinear(d[0], d[1], d[2], d[3], u);
-    bilinear(d[4], d[5], d[6], d[7], w);
-    bilinear(d[8], d[9], d[10], d[11], t);
-    v[0] = -u[0] - w[0] - t[0];
-    v[1] = u[0] - w[1] - t[1];
-    v[2] = u[1] + w[1] - t[3];
-    v[3] = -u[1] + w[0] - t[2];
-    v[4] = -u[2] - w[2] + t[0];
-    v[5] = u[2] - w[3] + t[1];
-    v[6] = u[3] + w[3] + t[3];
-    v[7] = -u[3] + w[2] + t[2];
-}
+#define U_FASTEST(a) ((a) ^ ((a) >> 1 & 1)) // VTK's vertex at place a, or the other way about
 
 // The 3 x 3 derivatives, component by direction, at Gauss point g.
 inline void at_point(const realv *d, int g, realv *t)
@@ -81,7 +43,7 @@ inline void amplitudes(const realv *dx, const realv *du, const realv *centre, __
         at_point(dx, g, t);
         at_point(du, g, H);
         realv inverse = 1 / cofactors(t, A);
-        spread(H, A, G);
+        times(H, A, G);
         stress(G, inverse, load(lam, (size_t)g * m + e), load(mu, (size_t)g * m + e), S);
         for (int mode = 0; mode < 3; mode++) {
             traction(S, centre + 3 * mode, f);
@@ -104,7 +66,7 @@ inline realv mean_pressure(const realv *dx, const realv *du, __global const real
         at_point(dx, g, t);
         at_point(du, g, H);
         realv det = cofactors(t, A);
-        spread(H, A, G);
+        times(H, A, G);
         volume += det;
         growth += G[0] + G[4] + G[8];
         bulk += det * (load(lam, (size_t)g * m + e) + (realv)(2.0 / 3.0) * load(mu, (size_t)g * m + e));
@@ -132,7 +94,7 @@ inline void forces_of(const realv *dx, const realv *du, __global const real *lam
         at_point(dx, g, t);
         at_point(du, g, H);
         realv inverse = 1 / cofactors(t, A), second = load(mu, (size_t)g * m + e);
-        spread(H, A, G);
+        times(H, A, G);
         if (formulation == INCOMPATIBLE)
             for (int c = 0; c < 3; c++)
                 for (int l = 0; l < 3; l++)
@@ -158,7 +120,7 @@ inline void derivatives_of(int n, __global const real *planes, __global const in
     for (int c = 0; c < 3; c++) {
         realv v[8];
         for (int a = 0; a < 8; a++)
-            v[a] = gathered(planes + (size_t)c * n, nodes + (size_t)a * m, m, e);
+            v[a] = gathered(planes + (size_t)c * n, nodes + (size_t)U_FASTEST(a) * m, m, e);
         derivatives(v, d + 12 * c);
     }
 }
@@ -181,7 +143,7 @@ void forces(__global const real *points, __global const real *displacement, int 
         for (int c = 0; c < 3; c++) {
             vertices(out + 12 * c, v);
             for (int a = 0; a < 8; a++)
-                store(v[a], forces, (size_t)(8 * c + a) * m + e, m - e);
+                store(v[a], forces, (size_t)(8 * c + U_FASTEST(a)) * m + e, m - e);
         }
     }
 }

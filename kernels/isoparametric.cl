@@ -32,7 +32,7 @@ void fluxes(__global const real *points, __global const real *displacement, int 
             tangents(g, slopes, k, x, t);
             tangents(g, slopes, k, u, H);
             realv inverse = 1 / cofactors(t, A);
-            spread(H, A, G);
+            times(H, A, G);
             stress(G, inverse, load(lam, (size_t)g * m + e), load(mu, (size_t)g * m + e), S);
             for (int d = 0; d < 3; d++) {
                 traction(S, A + 3 * d, f);

@@ -6,14 +6,6 @@
 
 #include "elasticity.h"
 
-// out = X Y, 3 x 3 by rows.
-inline void times(const realv *X, const realv *Y, realv *out)
-{
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[3 * r + c] = X[3 * r] * Y[c] + X[3 * r + 1] * Y[3 + c] + X[3 * r + 2] * Y[6 + c];
-}
-
 // Fluxes (points, 3, 3, m); `roots` (6, m) are Q: xx, yy, zz, yz, xz, xy; lam and mu (m), of a modulus of 1.
 __kernel __attribute__((vec_type_hint(realv)))
 void fluxes(__global const real *points, __global const real *displacement, int n, __global const int *nodes, int k,

@@ -9,16 +9,12 @@ void combine(__global const real *x, real a, real b, int n, __global real *y)
     FOR_LANES(i, n) store(a * load(x, i) + b * load(y, i), y, i, n - i);
 }
 
-// Sums (rows, parts) of a row of x (., n) times every row of y (rows, n) over every parts-th run of elements: the same in
-// any order of work.
-__kernel void row_products(__global const real *x, int row, __global const real *y, int rows, int n, int parts,
-                           __global real *out)
+// Sums (parts) of x times y (n) over every parts-th run of elements: the same in any order of work.
+__kernel void product(__global const real *x, __global const real *y, int n, int parts, __global real *out)
 {
-    int item = get_global_id(0), part = item % parts;
-    if (item >= rows * parts)
+    int part = get_global_id(0);
+    if (part >= parts)
         return;
-    x += (size_t)row * n;
-    y += (size_t)(item / parts) * n;
     real sum = 0;
     for (size_t begin = (size_t)part * RUN; begin < n; begin += (size_t)parts * RUN) {
         realv run = 0;
@@ -31,7 +27,7 @@ __kernel void row_products(__global const real *x, int row, __global const real 
         for (; i < end; i++)
             sum += x[begin + i] * y[begin + i];
     }
-    out[item] = sum;
+    out[part] = sum;
 }
 
 // out = B x for symmetric 3 x 3 blocks (6, n): xx, yy, zz, yz, xz, xy; x and out are (3, n).

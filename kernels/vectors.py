@@ -15,30 +15,22 @@ def combine(x: wp.array(dtype=Any), a: Any, b: Any, n: wp.int32, y: wp.array(dty
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def row_products(
+def product(
     x: wp.array(dtype=Any),
-    row: wp.int32,
     y: wp.array(dtype=Any),
-    rows: wp.int32,
     n: wp.int32,
     parts: wp.int32,
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Sums (rows, parts) of a row of x (., n) times every row of y (rows, n) over every parts-th run of elements.
-
-    The same in any order of work.
-    """
-    i = wp.tid() + first
-    part = i % parts
-    x0 = wp.int64(row) * wp.int64(n)
-    y0 = wp.int64(i // parts) * wp.int64(n)
+    """Sums (parts) of x times y (n) over every parts-th run of elements: the same in any order of work."""
+    part = wp.tid() + first
     total = out.dtype(0.0)
     runs = (n + RUN - 1) // RUN
     for run in range(part, runs, parts):
         for k in range(run * RUN, wp.min((run + 1) * RUN, n)):
-            total = total + x[x0 + wp.int64(k)] * y[y0 + wp.int64(k)]
-    out[i] = total
+            total = total + x[k] * y[k]
+    out[part] = total
 
 
 @wp.kernel(enable_backward=False, module="unique")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gpubspline.mesh.movable import FIXED, FREE, Goal, movable, node_slots, put_level
+from gpubspline.errors import InputError
+from gpubspline.mesh.movable import FIXED, FREE, Goal, movable, node_slots, put_level, put_pieces
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
 NEIGHBOURS = [(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)]
@@ -175,3 +176,10 @@ def test_energy_of_quads_and_gradient_against_the_oracle(goal, any_device):
         slopes[node, axis] = (ends[0] - ends[1]) / (2 * step)
     rounding = 3e-5 if any_device.real == np.float32 else 1e-7
     assert np.abs(gradient - slopes).max() < rounding * np.abs(slopes).max()
+
+
+def test_pieces_are_no_more_than_a_plane_of_the_coordinates_can_number(device):
+    """From 2^24 on float32 leaves numbers out."""
+    many = np.broadcast_to(np.zeros(1, np.float32), (2**24 + 1, 3, 3))
+    with pytest.raises(InputError, match="at most 16,777,216 pieces"):
+        put_pieces(many, many, np.zeros(1), np.zeros(1), device)

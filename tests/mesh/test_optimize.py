@@ -9,6 +9,7 @@ from gpubspline.mesh.colouring import colour_nodes
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.optimize import optimize
 from gpubspline.mesh.own_surface import smooth_parts
+from gpubspline.mesh.pieces import edges_of
 from gpubspline.mesh.quality import assess
 
 COUNTS = (7, 6, 5)
@@ -156,7 +157,8 @@ def test_colours_of_nodes():
 
 def test_a_box_has_six_smooth_parts():
     mesh = jittered(noise=0.0)
-    parts = smooth_parts(mesh.points, mesh.boundary())
+    quads = mesh.boundary()
+    parts = smooth_parts(mesh.points, quads, edges_of(quads))
     assert sorted(np.bincount(parts)) == [20, 20, 24, 24, 30, 30]
     assert np.bincount(parts)[0] == 30
 

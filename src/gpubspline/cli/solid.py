@@ -1,5 +1,6 @@
 """The mesh that a command works on: a mesh file, or made of a model file, a CT or a surface."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,16 +76,38 @@ def _from_ct(
     body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
     with clock.stage("method"):
         choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced)
+    how = (choice, wanted, shaping, meshing, sampling, device, clock)
+    model, figures = make_model(body, *how, pipeline.sample_patch)
+    return Solid(model.mesh, body.volume, model.law, body, figures)
+
+
+def make_model(
+    body: Any,
+    choice: Any,
+    wanted: Any,
+    shaping: Any,
+    meshing: Any,
+    sampling: Any,
+    device: Any,
+    clock: Any,
+    sample: Callable[..., Any],
+) -> tuple[Any, dict[str, Any]]:
+    """Mesh a body by the method chosen; gives the model and its figures.
+
+    ``sample`` makes the model of the tensor method's patch, as ``pipeline.sample_patch`` does.
+    """
+    from gpubspline import methods, pipeline
+
     if choice.method == "tensor":
         fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
-        model = pipeline.sample_patch(fitted.fit.patch, sampling, device, clock, body)
+        model = sample(fitted.fit.patch, sampling, device, clock, body)
         figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
     else:
         meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
         model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
         figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
     warn_of_shape(figures)
-    return Solid(model.mesh, body.volume, model.law, body, figures)
+    return model, figures
 
 
 def is_model(source: list[Path], read: ReadOptions, region: RegionOptions, spline: SplineOptions) -> bool:

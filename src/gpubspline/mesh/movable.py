@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
-from gpubspline.device.vectors import products
+from gpubspline.device.vectors import product
+from gpubspline.errors import InputError
 from gpubspline.mesh.quality import launch_explicit
 
 FREE = 1e9
@@ -66,7 +67,15 @@ def put_level(volume: NDArray[Any], to_index: NDArray[np.float64], device: Devic
 def put_pieces(
     corners: NDArray[Any], normals: NDArray[Any], start: NDArray[Any], around: NDArray[Any], device: Device
 ) -> Level:
-    """Bring pieces (n_pieces, 3, 3), their normals and what touches each of them to a device."""
+    """Bring pieces (n_pieces, 3, 3), their normals and what touches each of them to a device.
+
+    Raises InputError where they are more than the plane of ``real`` that says on which one a node is can number.
+    """
+    most = 2 ** (np.finfo(device.real).nmant + 1)
+    if len(corners) > most:
+        raise InputError(
+            f"expected a surface of at most {most:,} pieces, got {len(corners):,}: optimise a coarser mesh"
+        )
     unused = device.put(np.ones(8)), (2, 2, 2), device.put(np.eye(4)[:3].copy())
     planes = np.concatenate([corners.reshape(-1, 9), normals.reshape(-1, 9)], axis=1)
     walk = device.put(np.ascontiguousarray(planes.T)), len(corners), device.put(start), device.put(around)
@@ -180,7 +189,7 @@ class Movable:
         table = (self.start, self.slots, self.normal, self.slack, self.levels)
         args = (self.shares, self.n_corners, m, *table, self.n_nodes, gradient)
         device.launch("energy.node_gradient", self.n_nodes, *args)
-        return float(products(device, self.energy, self.ones, m)[0])
+        return product(device, self.energy, self.ones, m)
 
     def scaled_jacobian(self, x: Buffer) -> NDArray[Any]:
         """Scaled Jacobian (m,) of each element at x (planes, n)."""

@@ -7,22 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.mesh.colouring import colour_nodes
-from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.movable import FIXED, Movable, movable
 
 Floats = NDArray[np.float64]
 
-_PLACES = np.array(ELEMENTS["hex8"].vertices) // 2
-_ALONG = tuple(
-    tuple(
-        (a, b)
-        for a in range(8)
-        for b in range(8)
-        if tuple(_PLACES[b] - _PLACES[a]) == tuple(np.eye(3, dtype=int)[axis])
-    )
-    for axis in range(3)
-)
-"""Ends of the four edges along each of u, v, w."""
+_ALONG = {
+    8: (((0, 1), (3, 2), (4, 5), (7, 6)), ((0, 3), (1, 2), (4, 7), (5, 6)), ((0, 4), (1, 5), (2, 6), (3, 7))),
+    4: (((0, 1), (3, 2)), ((0, 3), (1, 2))),
+}
+"""Ends of the edges along u, v and w of hexes, along u and v of quads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +72,11 @@ def with_targets(hexes: Movable, lengths: Floats) -> Movable:
 
 
 def edge_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
-    """(3, m, 4) of the edges of hexes along u, v, w."""
-    ends = [[np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row] for row in _ALONG]
+    """(3, m, 4) of the edges of hexes (m, 8) along u, v, w; (2, m, 2) of quads (m, 4)."""
+    ends = [
+        [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row]
+        for row in _ALONG[cells.shape[1]]
+    ]
     return np.asarray(np.array(ends).transpose(0, 2, 1))
 
 
@@ -90,7 +86,7 @@ def least_determinant(points: Floats, cells: NDArray[np.int32]) -> Floats:
     for corner in range(8):
         edges = []
         for axis in range(3):
-            low, high = next(pair for pair in _ALONG[axis] if corner in pair)
+            low, high = next(pair for pair in _ALONG[8][axis] if corner in pair)
             edges.append(points[cells[:, high]] - points[cells[:, low]])
         determinant = np.einsum("mx,mx->m", np.cross(edges[0], edges[1]), edges[2])
         least, total = np.minimum(least, determinant), total + determinant

@@ -13,6 +13,7 @@ from gpubspline.mesh.grading import graded
 from gpubspline.mesh.improve import ANY_LENGTH, Effort, climb, copy, improve, persist, placed
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, movable
+from gpubspline.mesh.neighbourhood import edge_lengths
 from gpubspline.mesh.own_surface import cuts_for, hold
 from gpubspline.mesh.pieces import bilinear
 from gpubspline.mesh.quality import scaled_jacobian
@@ -20,12 +21,6 @@ from gpubspline.spline.hyperpatch import Hyperpatch
 from gpubspline.surface.nearest import finder
 
 Floats = NDArray[np.float64]
-
-_EDGES = {
-    8: (((0, 1), (3, 2), (4, 5), (7, 6)), ((0, 3), (1, 2), (4, 7), (5, 6)), ((0, 4), (1, 5), (2, 6), (3, 7))),
-    4: (((0, 1), (3, 2)), ((0, 3), (1, 2))),
-}
-"""Along u, v and w of hexes, along u and v of quads."""
 
 SHORTEST = 0.05
 """Least target length of an edge, in the mean one."""
@@ -116,7 +111,7 @@ class _Start:
         self.mesh, self.device = mesh, device
         self.quads = mesh.boundary() if mesh.element.dimension == 3 else mesh.cells
         points, cut = mesh.points.astype(np.float64), None
-        self.middle, self.unit = points.mean(axis=0), _mean_length(points, mesh.cells)
+        self.middle, self.unit = points.mean(axis=0), float(edge_lengths(points, mesh.cells).mean())
         self.points = self._scaled(points)
         if patch is not None:
             parameters = bilinear(_even(mesh)[self.quads], cuts_for(self.quads))
@@ -183,20 +178,7 @@ def _moved(mesh: Mesh, points: Floats) -> Mesh:
     return replace(mesh, points=points.astype(mesh.points.dtype), fields=fields, cell_fields=kept)
 
 
-def _edge_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
-    """(3, m, 4) of the edges along u, v, w; (2, m, 2) of quads."""
-    ends = [
-        [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in row]
-        for row in _EDGES[cells.shape[1]]
-    ]
-    return np.asarray(np.array(ends).transpose(0, 2, 1))
-
-
-def _mean_length(points: Floats, cells: NDArray[np.int32]) -> float:
-    return float(_edge_lengths(points, cells).mean())
-
-
 def _log_lengths(points: Floats, cells: NDArray[np.int32]) -> Floats:
     """Logarithm (3, m), of quads (2, m), of the squared mean length of elements' edges along u, v, w: their target."""
-    means = _edge_lengths(points, cells).mean(axis=2)
+    means = edge_lengths(points, cells).mean(axis=2)
     return np.asarray(2 * np.log(np.maximum(means, SHORTEST)))

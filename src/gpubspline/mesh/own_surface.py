@@ -87,7 +87,7 @@ def hold(points: Floats, quads: Integers, device: Device, cut: Floats | None = N
         from corner 0 to 3; as the normals of what is round their corners say unless given.
     """
     n, edges = len(points), edges_of(quads)
-    parts = smooth_parts(points, quads)
+    parts = smooth_parts(points, quads, edges)
     shape = (
         bulged(points[quads], corner_normals(points, quads, parts), max(1, cuts_for(quads) // 2))
         if cut is None
@@ -129,16 +129,12 @@ def cuts_for(quads: Integers) -> int:
     return min(max(int(np.sqrt(PIECES / (2 * len(quads)))), CUTS[0]), CUTS[1])
 
 
-def smooth_parts(points: Floats, quads: Integers) -> NDArray[np.int64]:
-    """Number (f,) of the smooth part that each face belongs to, the largest part first."""
+def smooth_parts(points: Floats, quads: Integers, edges: Edges) -> NDArray[np.int64]:
+    """Number (f,) of the smooth part that each face belongs to, the largest part first; ``edges`` of the quads."""
     corners = points[quads]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
-    ends = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2), axis=1).astype(np.int64)
-    key = ends[:, 0] * len(points) + ends[:, 1]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    a, b = order[same] // 4, order[same + 1] // 4
+    a, b = edges.faces[edges.count > 1].T
     smooth = np.einsum("ec,ec->e", normals[a], normals[b]) > np.cos(np.radians(SHARP_DEGREES))
     joined = coo_matrix((np.ones(smooth.sum()), (a[smooth], b[smooth])), shape=(len(quads), len(quads)))
     _, labels = connected_components(joined, directed=False)

@@ -16,7 +16,7 @@ from gpubspline.cli.options import (
     SplineOptions,
     flattened,
 )
-from gpubspline.cli.solid import find_any_body, warn_of_shape
+from gpubspline.cli.solid import find_any_body, make_model
 from gpubspline.errors import InputError
 
 
@@ -36,7 +36,7 @@ def mesh(
     run: RunOptions,
 ) -> None:
     """Make a mesh with material from CT, or from a closed surface."""
-    from gpubspline import methods, pipeline
+    from gpubspline import methods
     from gpubspline.cli import describe
     from gpubspline.surface.read import is_surface
 
@@ -63,15 +63,8 @@ def mesh(
         body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
         with clock.stage("method"):
             choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
-        if choice.method == "tensor":
-            fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
-            model = files.make(fitted.fit.patch, sampling, device, clock, body)
-            figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
-        else:
-            meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
-            model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
-            figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
-        warn_of_shape(figures)
+        how = (choice, wanted, shaping, meshing, sampling, device, clock)
+        model, figures = make_model(body, *how, files.make)
         files.write(model, figures, clock)
         method.write(body.region, figures, clock)
         known = {"quality": model.counted.quality, "volume": body.volume, "laws": [model.law] if model.law else []}
