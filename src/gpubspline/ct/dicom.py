@@ -127,20 +127,22 @@ def _to_hu(raw: NDArray[Any], dataset: Dataset, item: Slice) -> NDArray[Any]:
     """Stored values to HU (PS3.3 C.7.6.3 and C.11.1); padding becomes air."""
     if raw.shape != item.shape:
         raise InputError(f"expected {item.shape} rows and columns in {item.path.name}, got {raw.shape}")
-    padding = _padding_mask(raw, dataset)
-    stored = raw.astype(np.int32)
+    slope, intercept = item.slope, item.intercept
     if dataset.get("PhotometricInterpretation") == "MONOCHROME1":
         # written for a display where the least value is white: GDCM, too, turns it over within the stored bits
-        stored = _stored_range_sum(dataset) - stored
-    if item.slope.is_integer() and item.intercept.is_integer():
-        hu: NDArray[Any] = stored.astype(np.int64) * int(item.slope) + int(item.intercept)
-        if hu.min() >= -32768 and hu.max() <= 32767:
-            hu = hu.astype(np.int16)
+        slope, intercept = -slope, intercept + slope * _stored_range_sum(dataset)
+    ends = [int(end) * slope + intercept for end in (raw.min(), raw.max())]
+    if slope.is_integer() and intercept.is_integer() and min(ends) >= -32768 and max(ends) <= 32767:
+        # modulo 2^16 throughout, which does not matter to results that are within
+        factor, offset = np.array([slope, intercept]).astype(np.int64).astype(np.int16)
+        hu: NDArray[Any] = raw.astype(np.int16)
+        hu *= factor
+        hu += offset
     else:
-        hu = stored * item.slope + item.intercept
-    if hu.dtype != np.int16:
-        hu = hu.astype(np.float32)
-    hu[padding] = AIR_HU
+        hu = (raw * slope + intercept).astype(np.float32)
+    padding = _padding_mask(raw, dataset)
+    if padding is not None:
+        hu[padding] = AIR_HU
     return hu
 
 
@@ -149,11 +151,11 @@ def _stored_range_sum(dataset: Dataset) -> int:
     return -1 if dataset.PixelRepresentation == 1 else int(2 ** int(dataset.BitsStored)) - 1
 
 
-def _padding_mask(raw: NDArray[Any], dataset: Dataset) -> NDArray[np.bool_]:
-    """Where stored values lie in the padding range (PS3.3 C.7.5.1.1.2)."""
+def _padding_mask(raw: NDArray[Any], dataset: Dataset) -> NDArray[np.bool_] | None:
+    """Where stored values lie in the padding range (PS3.3 C.7.5.1.1.2); None where there is none."""
     value = dataset.get("PixelPaddingValue")
     if not isinstance(value, int):
-        return np.zeros(raw.shape, dtype=bool)
+        return None
     limit = dataset.get("PixelPaddingRangeLimit")
     ends = [_as_stored(v, dataset) for v in (value, limit if isinstance(limit, int) else value)]
     return np.asarray((raw >= min(ends)) & (raw <= max(ends)))
