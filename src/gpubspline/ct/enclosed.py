@@ -1,10 +1,16 @@
 """The volume that the zero level of a sampled distance encloses."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+MOST_BEND = 0.25
+"""Second difference of a distance, in edges of a voxel, that is taken whole: that of a ball of four voxels' radius.
+
+Twice as much is none of a ball but a kink."""
 
 _GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
 _STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -38,8 +44,29 @@ def enclosed_volume(distance_mm: NDArray[Any], affine: NDArray[np.float64]) -> f
     for axis in range(3):
         order = [other for other in range(3) if other != axis] + [axis]
         chosen = tuple(cells[other][steepest == axis] for other in order)
-        part += _cut_volume(distance_mm.transpose(order), chosen, spacing_mm[order])
+        bends = _bends(distance_mm.transpose(order), chosen, spacing_mm[order])
+        part += float(np.sum(_cut_share(distance_mm.transpose(order), chosen, bends)))
     return (int(np.count_nonzero(whole)) + part) * float(abs(np.linalg.det(affine[:3, :3])))
+
+
+def cell_shares(distance: NDArray[Any]) -> NDArray[np.float32]:
+    """Part of each cell between voxel centres that lies within the trilinear zero level.
+
+    Arguments
+    ---------
+    distance: (n_k, n_j, n_i), negative inside, at least two along each axis.
+
+    Returns: (n_k - 1, n_j - 1, n_i - 1), 0 to 1.
+    """
+    count = _corners_below(distance, 0.0)
+    shares: NDArray[np.float32] = (count == 8).astype(np.float32)
+    cells = np.nonzero((count > 0) & (count < 8))
+    steepest = _steepest_axis(distance, cells)
+    for axis in range(3):
+        order = [other for other in range(3) if other != axis] + [axis]
+        chosen = tuple(index[steepest == axis] for index in cells)
+        shares[chosen] = _cut_share(distance.transpose(order), tuple(chosen[other] for other in order), (0.0,) * 3)
+    return shares
 
 
 def _corners_below(distance_mm: NDArray[Any], limit: float) -> NDArray[np.uint8]:
@@ -58,25 +85,35 @@ def _steepest_axis(distance_mm: NDArray[Any], cells: tuple[NDArray[Any], ...]) -
     return np.asarray(np.argmax(change, axis=0))
 
 
-def _cut_volume(distance_mm: NDArray[Any], cells: tuple[NDArray[Any], ...], spacing_mm: NDArray[np.float64]) -> float:
-    """Volume inside, in voxels, of cells that the boundary crosses, steeply along the last axis.
+def _cut_share(
+    distance_mm: NDArray[Any], cells: tuple[NDArray[Any], ...], bends: Sequence[NDArray[np.float64] | float]
+) -> NDArray[np.float64]:
+    """Part (n,) inside of cells that the boundary crosses, steeply along the last axis.
 
-    ``cells`` are the indices of their lowest corners.
+    ``cells`` are the indices of their lowest corners, ``bends`` the second differences along each axis.
     """
     corners = _sample(distance_mm, cells, (0, 1), (0, 1), (0, 1))
-    bend_k, bend_j, bend_i = (
-        np.clip(_bend(distance_mm, cells, axis), -0.25 * edge, 0.25 * edge)  # more is a kink, which is no curvature
-        for axis, edge in enumerate(spacing_mm)
-    )
-    total = 0.0
+    bend_k, bend_j, bend_i = bends
+    total = np.zeros(len(cells[0]))
     for w, weight_w in _GAUSS:
         for v, weight_v in _GAUSS:
             ends = np.einsum("kjin,k,j->in", corners, [1 - w, w], [1 - v, v])
             ends -= 0.5 * (w * (1 - w) * bend_k + v * (1 - v) * bend_j)
             row = [(1 - u) * ends[0] + u * ends[1] - 0.5 * u * (1 - u) * bend_i for u in _STATIONS]
             pieces = sum(_negative_length(a, b) for a, b in pairwise(row))
-            total += weight_w * weight_v * float(np.sum(pieces)) / (len(_STATIONS) - 1)
+            total += weight_w * weight_v / (len(_STATIONS) - 1) * pieces
     return total
+
+
+def _bends(
+    distance_mm: NDArray[Any], cells: tuple[NDArray[Any], ...], spacing_mm: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Second differences along each axis, fading where they are a kink, such as amid a thin sheet: no curvature."""
+    bends = [_bend(distance_mm, cells, axis) for axis in range(3)]
+    return [
+        bend * np.clip(2 - np.abs(bend) / (MOST_BEND * edge), 0, 1)
+        for bend, edge in zip(bends, spacing_mm, strict=True)
+    ]
 
 
 def _sample(distance_mm: NDArray[Any], cells: tuple[NDArray[Any], ...], *offsets: tuple[int, ...]) -> NDArray[Any]:

@@ -57,7 +57,7 @@ def test_whole_vertebra(data: Path, device: Device) -> None:
     volume = read_volume(folder / "sub-ct_label-22_ct.nii.gz")
     mask = read_mask(folder / "sub-ct_seg-vert_label-22_msk.nii.gz", volume, 22)
     region = region_from_mask(volume, mask)
-    made = blocks_mesh(region, 2.2, device=device)
+    made = blocks_mesh(region, 2.0, device=device)
     judge(made, region, device, 0.60)
     assert made.report.euler["mesh"] == 0
 
