@@ -36,6 +36,22 @@ def test_nothing_is_left_of_what_was_interrupted(tmp_path, interrupt):
     assert path.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
+@pytest.mark.parametrize(
+    ("error", "cause"),
+    [
+        (OSError(errno.ENOSPC, "file write failed: time = Thu"), None),
+        (OSError("No space left on device (os error 28)"), None),  # polars
+        (OSError("With tag (7FE0,0010) got exception: Traceback"), OSError(errno.ENOSPC, "No space left")),  # pydicom
+    ],
+)
+def test_a_full_disk_is_told_with_the_file(tmp_path, error, cause):
+    with pytest.raises(OSError, match=r"No space left on device: .*m\.inp") as raised, whole_file(tmp_path / "m.inp"):
+        raise error from cause
+    assert raised.value.errno == errno.ENOSPC and raised.value.filename == str(tmp_path / "m.inp")
+    with pytest.raises(PermissionError), whole_file(tmp_path / "m.inp"):
+        raise PermissionError(errno.EACCES, "denied")
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in the file system are POSIX")
 def test_devices_and_pipes_are_not_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gpubspline.cli.app import app
+from gpubspline.cli.entry import app
 from gpubspline.cli.options.groups import PANELS
 
 Command = Callable[..., tuple[int, str, str]]

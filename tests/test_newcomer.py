@@ -66,7 +66,7 @@ def test_a_disk_without_room_is_refused_before_the_file(run: Any, ball: str, mon
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     for name in ("m.vts", "m.vtu"):
         status, _, err = run("mesh", ball, *ONE_MM, "--control", "5,5,5", "-o", name)
-        assert status == 2 and f"GB of space for {name}, got 1e-06 GB in" in err
+        assert status == 2 and f"of space for {name}, got 1 kB in" in err
     assert [path.name for path in Path().iterdir()] == ["-ball.npy"]
 
 

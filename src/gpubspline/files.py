@@ -52,7 +52,23 @@ def check_space(path: Path, n_bytes: int) -> None:
     folder = _followed(Path(path)).absolute().parent
     free = shutil.disk_usage(folder).free if folder.is_dir() else n_bytes
     if n_bytes > free:
-        raise InputError(f"expected {n_bytes / 1e9:.3g} GB of space for {path}, got {free / 1e9:.3g} GB in {folder}")
+        raise InputError(
+            f"expected {spelled_bytes(n_bytes)} of space for {path}, got {spelled_bytes(free)} in {folder}"
+        )
+
+
+def spelled_bytes(count: int) -> str:
+    """Bytes in the unit that a person would take."""
+    unit, name = next((each for each in ((1e9, "GB"), (1e6, "MB")) if count >= each[0]), (1e3, "kB"))
+    return f"{count / unit:.3g} {name}"
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Whether the disk is full, by an error or what it came from; polars gives the system's number in words alone."""
+    if error is None:
+        return False
+    told = getattr(error, "errno", None) == errno.ENOSPC or f"(os error {errno.ENOSPC})" in str(error)
+    return told or is_full(error.__cause__)
 
 
 def reserve(stream: BinaryIO, n_bytes: int) -> None:
@@ -87,7 +103,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path`` that replaces it when the block ends without an error.
 
     The temporary name keeps the extension, since writers choose their format by it. A link stays one: what it leads to
-    is replaced.
+    is replaced. Where the disk is full, whatever the writer raises names the file.
     """
     path = _followed(Path(path))
     check_writable(path)
@@ -97,6 +113,10 @@ def whole_file(path: Path) -> Iterator[Path]:
         if path.exists():
             _start_writeback(temporary)
         temporary.replace(path)
+    except OSError as error:
+        if is_full(error):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

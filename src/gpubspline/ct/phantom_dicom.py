@@ -1,5 +1,6 @@
 """A phantom's scan as a DICOM CT series on disk."""
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -11,6 +12,7 @@ from pydicom.uid import UID, CTImageStorage, ExplicitVRLittleEndian, generate_ui
 from gpubspline.ct.phantom import STORED_HU, Phantom, Progress, phantom
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
+from gpubspline.files import is_full
 
 INTERCEPT = STORED_HU[0]
 DATE, TIME = "20100101", "120000"  # of the paper's year: a phantom is the same whenever it is written
@@ -43,7 +45,8 @@ def write_phantom(name: str, folder: Path, progress: Progress | None = None) -> 
             folder.rmdir()
         temporary.rename(folder)
     except OSError as error:
-        raise InputError(f"cannot write the phantom to {folder}: {error.strerror or error}") from None
+        why = os.strerror(errno.ENOSPC) if is_full(error) else error.strerror or error
+        raise InputError(f"cannot write the phantom to {folder}: {why}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return sorted(folder.glob("*.dcm"))

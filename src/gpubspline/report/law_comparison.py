@@ -87,6 +87,7 @@ def _draw_bars(axes: Axes, ordered: Sequence[LawOutcome], colours: NDArray[np.fl
     names = [each.law.name + (" *" if each.law.all_unconfirmed else "") for each in ordered]
     axes.set_yticks(places, names, fontsize=8.5)
     axes.set_xlim(0, 1.5 * max(values))
+    axes.locator_params(axis="x", nbins=4)
     what = "stiffness along the long axis (N/mm), mean E (MPa)" if solved else "mean modulus over the volume (MPa)"
     axes.set_xlabel(what + "\n* something of it is unconfirmed", color=INK, fontsize=9)
     axes.tick_params(color=FAINT, labelcolor=INK, labelsize=8.5)

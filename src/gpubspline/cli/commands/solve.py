@@ -1,5 +1,6 @@
 """A mesh under a load case."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +22,7 @@ from gpubspline.cli.solid import find_model
 
 
 @app.command()
-@flattened
+@partial(flattened, without=("slice_index",))  # quads are not solved
 def solve(
     context: typer.Context,
     source: Annotated[

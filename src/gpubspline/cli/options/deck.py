@@ -35,7 +35,7 @@ class DeckOptions:
         str | None,
         option(
             "Deck",
-            "load case: stance, or a file (schema: analysis/load_case.py)",
+            "load case: stance, or a file (form: pydoc gpubspline.analysis.load_case)",
             metavar="NAME|FILE.toml",
             complete=complete_load,
         ),

@@ -17,7 +17,7 @@ class StudyOptions:
         str,
         option(
             "Load",
-            "load case: stance, or a file (schema: analysis/load_case.py)",
+            "load case: stance, or a file (form: pydoc gpubspline.analysis.load_case)",
             metavar="NAME|FILE.toml",
             show_default=False,
         ),
