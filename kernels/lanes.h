@@ -58,6 +58,11 @@ typedef JOIN(long, LANES) maskv;
 #endif
 #define to_intv(v) JOIN(convert_int, LANES)(v)
 #define to_realv(v) JOIN(JOIN(convert_, real), LANES)(v)
+#if REAL_BYTES == 4
+#define to_maskv(v) (v)
+#else
+#define to_maskv(v) JOIN(convert_long, LANES)(v)
+#endif
 #define as_intv(v) JOIN(as_int, LANES)(v)
 #define as_realv(v) JOIN(JOIN(as_, real), LANES)(v)
 // A vector wherever it lies. vload16 and vstore16 say the same, but of two loads that overlap, like nodes and their
@@ -65,8 +70,33 @@ typedef JOIN(long, LANES) maskv;
 typedef realv loose __attribute__((aligned(REAL_BYTES)));
 typedef intv loose_int __attribute__((aligned(4)));
 #define load(p, offset) (*(__global const loose *)((p) + (offset)))
+#define load_int(p, offset) (*(__global const loose_int *)((p) + (offset)))
 #define store_all(v, p, offset) (*(__global loose *)((p) + (offset)) = (v))
 #define store_all_int(v, p, offset) (*(__global loose_int *)((p) + (offset)) = (v))
+#if LANES == 16
+#define LANE_NUMBERS (intv)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#else
+#define LANE_NUMBERS (intv)(0, 1, 2, 3, 4, 5, 6, 7)
+#endif
+
+// Lanes of a vector by their numbers, of which the lowest bits count: one instruction where the processor has it, which
+// PoCL's shuffle is not.
+inline realv pick(realv v, intv at)
+{
+#if REAL_BYTES == 4 && LANES == 16 && defined(__AVX512F__)
+    return __builtin_ia32_permvarsf512(v, at);
+#elif REAL_BYTES == 8 && LANES == 8 && defined(__AVX512F__)
+    return __builtin_ia32_permvardf512(v, JOIN(convert_long, LANES)(at));
+#elif REAL_BYTES == 4 && LANES == 8 && defined(__AVX2__)
+    return __builtin_ia32_permvarsf256(v, at);
+#else
+    union { realv v; real lane[LANES]; } all = {v}, picked;
+    union { intv v; int lane[LANES]; } numbers = {at};
+    for (int lane = 0; lane < LANES; lane++)
+        picked.lane[lane] = all.lane[numbers.lane[lane] & (LANES - 1)];
+    return picked.v;
+#endif
+}
 #endif
 
 // The smaller and the larger of two, the second where the first is no number: an instruction, where fmin and fmax are four.

@@ -72,88 +72,60 @@ void contract(__global const real *source, int n_control, int inner, __global co
 
 #if LANES > 1 // what the passes of a CPU share
 
-// Numbers of a plane that stay in a core's first cache while all parameters of their span are made of them.
-#define CHUNK 1024
+// Numbers of a plane that stay in a core's first cache while some spans are made of them.
+#define CHUNK 512
 
-// Vectors as blocks of 4 lanes. Of two vectors, in each block: their first two lanes in turn, their last two in turn; the
-// first two of both, the last two. FOR_BLOCKS calls what is defined for the first lane and the name of each block.
-#if LANES == 16
-#define LOW_1(a, b) (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5, a.s8, b.s8, a.s9, b.s9, a.sc, b.sc, a.sd, b.sd)
-#define HIGH_1(a, b) \
-    (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7, a.sa, b.sa, a.sb, b.sb, a.se, b.se, a.sf, b.sf)
-#define LOW_2(a, b) (realv)(a.s01, b.s01, a.s45, b.s45, a.s89, b.s89, a.scd, b.scd)
-#define HIGH_2(a, b) (realv)(a.s23, b.s23, a.s67, b.s67, a.sab, b.sab, a.sef, b.sef)
-#define FOR_BLOCKS(call) call(0, s0123) call(4, s4567) call(8, s89ab) call(12, scdef)
-#else
-#define LOW_1(a, b) (realv)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5)
-#define HIGH_1(a, b) (realv)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7)
-#define LOW_2(a, b) (realv)(a.s01, b.s01, a.s45, b.s45)
-#define HIGH_2(a, b) (realv)(a.s23, b.s23, a.s67, b.s67)
-#define FOR_BLOCKS(call) call(0, s0123) call(4, s4567)
-#endif
+// Rows of control points that are contracted together and share weights.
+#define BLOCK 8
 
-// Four vectors t0, t1, t2, t3, of which each block is transposed.
-#define TRANSPOSE                                                                                                 \
-    {                                                                                                             \
-        realv low_01 = LOW_1(t0, t1), high_01 = HIGH_1(t0, t1), low_23 = LOW_1(t2, t3), high_23 = HIGH_1(t2, t3); \
-        t0 = LOW_2(low_01, low_23), t1 = HIGH_2(low_01, low_23);                                                  \
-        t2 = LOW_2(high_01, high_23), t3 = HIGH_2(high_01, high_23);                                              \
-    }
-
-// u axis of LANES rows at once, from `row` of a plane on: their control points are interleaved, so that a span is read
-// without a gather. Rows go to their places in a ring of `n_rows`; for those beyond the last it is taken.
-inline void contract_lines(int row, __global const real *plane, int n_u, int n_v, __global const int *span,
-                           __global const real *values, int degree, int n_out, __global real *packed,
-                           __global real *rows, int n_rows, int row_size)
+// u axis of `count` rows of a plane, at most BLOCK, from `row` on, to their places in a ring of `n_rows`. The spans of
+// LANES parameters lie in one vector of control points where `near` says so, else in as many as it takes.
+inline void contract_lines(int row, int count, __global const real *plane, int n_u, __global const int *span,
+                           __global const real *values, int degree, int n_out, bool near, __global real *rows,
+                           int n_rows, int row_size)
 {
-    __global const real *from[LANES];
-    __global real *to[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        from[lane] = plane + (size_t)min(row + lane, n_v - 1) * n_u;
-        to[lane] = rows + (row + lane) % n_rows * row_size;
+    __global real *to[BLOCK];
+    for (int r = 0; r < count; r++)
+        to[r] = rows + (row + r) % n_rows * row_size;
+    __global const real *from = plane + (size_t)row * n_u;
+    for (int i = 0; i < n_out; i += LANES) {
+        fetch(from + count * n_u, i * BLOCK, i < n_u ? LANES * BLOCK : 0); // the rows that the next call wants
+        maskv given = to_maskv(LANE_NUMBERS < n_out - i);
+        intv first = load_int(span, i) - degree;
+#define WEIGHTS(a) (a <= degree ? select((realv)0, load(values, (size_t)min(a, degree) * n_out + i), given) : 0)
+        realv w0 = WEIGHTS(0), w1 = WEIGHTS(1), w2 = WEIGHTS(2), w3 = WEIGHTS(3), w4 = WEIGHTS(4), w5 = WEIGHTS(5);
+        uint wait = (1 << min(LANES, n_out - i)) - 1; // lanes
+        for (bool again = false; wait; again = true) {
+            int start = span[i + ctz(wait)] - degree;
+            intv at = first - start;
+            maskv inside = to_maskv(at >= 0 && at < LANES - degree);
+#define PICKED(a) pick(window, at + a)
+#define LINES(p)                                                                      \
+    for (int r = 0; r < count; r++) {                                                 \
+        realv window = load(from, r * n_u + start), sum = SUM_##p(w, PICKED);         \
+        store_all(again ? select(load(to[r], i), sum, inside) : sum, to[r], i);       \
     }
-    for (int i = 0; i < n_u; i += 4) {
-        realv t0, t1, t2, t3;
-#define LOADED(first, block)                   \
-    t0.block = vload4(0, from[first] + i);     \
-    t1.block = vload4(0, from[first + 1] + i); \
-    t2.block = vload4(0, from[first + 2] + i); \
-    t3.block = vload4(0, from[first + 3] + i);
-        FOR_BLOCKS(LOADED)
-        TRANSPOSE
-        store_all(t0, packed, i * LANES);
-        store_all(t1, packed, (i + 1) * LANES);
-        store_all(t2, packed, (i + 2) * LANES);
-        store_all(t3, packed, (i + 3) * LANES);
+            FOR_DEGREE(LINES)
+            if (near)
+                break;
+            for (int lane = 0; lane < LANES; lane++) {
+                int place = span[i + lane] - degree - start;
+                if (place >= 0 && place < LANES - degree)
+                    wait &= ~(1 << lane);
+            }
+        }
     }
-    __global const real *next = from[LANES - 1] + n_u; // the rows that the next call wants
-#define PACKED(a) load(packed, start + a * LANES)
-#define SUMMED(t, m, p)                                                                              \
-    {                                                                                                \
-        int at = min(i + m, n_out - 1), start = (span[at] - degree) * LANES;                         \
-        __global const real *w = values + at;                                                        \
-        real w0 = w[0], w1 = w[n_out], w2 = p > 1 ? w[2 * n_out] : 0, w3 = p > 2 ? w[3 * n_out] : 0; \
-        real w4 = p > 3 ? w[4 * n_out] : 0, w5 = p > 4 ? w[5 * n_out] : 0;                           \
-        t = SUM_##p(w, PACKED);                                                                      \
+}
+
+// Whether the spans of each LANES parameters lie in one vector that begins with the first.
+inline bool spans_are_near(__global const int *span, int degree, int n_out)
+{
+    bool near = true;
+    for (int i = 0; i < n_out; i++) {
+        int place = span[i] - span[i / LANES * LANES];
+        near = near && place >= 0 && place < LANES - degree;
     }
-#define UNPACK(first, block)                 \
-    vstore4(t0.block, 0, to[first] + i);     \
-    vstore4(t1.block, 0, to[first + 1] + i); \
-    vstore4(t2.block, 0, to[first + 2] + i); \
-    vstore4(t3.block, 0, to[first + 3] + i);
-#define LINES(p)                               \
-    for (int i = 0; i < n_out; i += 4) {       \
-        if (i < n_u)                           \
-            fetch(next, i * LANES, 4 * LANES); \
-        realv t0, t1, t2, t3;                  \
-        SUMMED(t0, 0, p)                       \
-        SUMMED(t1, 1, p)                       \
-        SUMMED(t2, 2, p)                       \
-        SUMMED(t3, 3, p)                       \
-        TRANSPOSE                              \
-        FOR_BLOCKS(UNPACK)                     \
-    }
-    FOR_DEGREE(LINES)
+    return near;
 }
 
 // The sum of degree + 1 rows of `count` numbers by the weights of one parameter.
@@ -196,14 +168,15 @@ inline void find(int span, int degree, __global const real *ring, int places, si
 //
 // Launched over (items, 1, out_u); of an item only the first along u works. It makes a band of `band` rows of `part`
 // planes of one channel. Rows of control points that are contracted along u, and planes that are contracted along v too,
-// wait for the next pass in rings, which stay in its core's cache. `scratch` and `vectors` are one memory, `item_size` an
-// item.
+// wait for the next pass in rings, which stay in its core's cache. The ring of `n_planes` holds a few beside those of a
+// span: what the first cache has taken of them then makes all parameters of some spans. `scratch` and `vectors` are one
+// memory, `item_size` an item.
 ALONE __kernel __attribute__((vec_type_hint(realv)))
 void contract_solid(__global const real *control, int n_channels, int n_u, int n_v, int n_w,
                     __global const int *span_u, __global const real *values_u, int degree_u, int out_u,
                     __global const int *span_v, __global const real *values_v, int degree_v, int out_v,
                     __global const int *span_w, __global const real *values_w, int degree_w, int out_w, int band,
-                    int part, int item_size, __global real *scratch, __global real *vectors, __global real *target)
+                    int part, int n_planes, int item_size, __global real *scratch, __global real *vectors, __global real *target)
 {
 #if LANES > 1
     if (get_global_id(0) > 0)
@@ -215,40 +188,37 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     control += channel * n_w * n_v * n_u;
     target += (channel * out_w * out_v + first_j) * out_u;
     bool large = (size_t)n_channels * out_u * out_v * out_w * sizeof(real) > LARGE;
-    int n_rows = degree_v + LANES, n_planes = degree_w + 1, count = (end_j - first_j) * out_u;
+    int n_rows = degree_v + BLOCK, count = (end_j - first_j) * out_u;
     int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = (band * out_u + 2 * LANES - 1) / LANES * LANES;
-    __global real *packed = scratch + (size_t)item * item_size;
-    __global real *rows = vectors + (size_t)item * item_size + (n_u + LANES) * LANES;
+    __global real *rows = vectors + (size_t)item * item_size;
     __global real *planes = rows + n_rows * row_size;
     __global const real *from[MAX_DEGREE + 1];
-    for (int k = first_k, plane = 0; k < end_k; k++) {
+    bool near = spans_are_near(span_u, degree_u, out_u);
+    for (int k = first_k, end, plane = 0; k < end_k; k = end) {
         if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
             plane = 0;
-        for (plane = max(plane, span_w[k] - degree_w); plane <= span_w[k]; plane++) {
+        int first = span_w[k] - degree_w;
+        for (end = k + 1; end < end_k && span_w[end] >= span_w[end - 1] && span_w[end] < first + n_planes;)
+            end++;
+        for (plane = max(plane, first); plane <= span_w[end - 1]; plane++) {
             for (int j = first_j, row = 0; j < end_j; j++) {
                 if (j > first_j && span_v[j] < span_v[j - 1])
                     row = 0;
-                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += LANES)
-                    contract_lines(row, control + (size_t)plane * n_v * n_u, n_u, n_v, span_u, values_u, degree_u, out_u,
-                                   packed, rows, n_rows, row_size);
+                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK)
+                    contract_lines(row, min(BLOCK, n_v - row), control + (size_t)plane * n_v * n_u, n_u, span_u, values_u,
+                                   degree_u, out_u, near, rows, n_rows, row_size);
                 find(span_v[j], degree_v, rows, n_rows, row_size, from);
                 __global real *to = planes + plane % n_planes * plane_size + (j - first_j) * out_u;
                 sum_rows(degree_v, from, values_v + j, out_v, row_size, to, false);
             }
         }
-        find(span_w[k], degree_w, planes, n_planes, plane_size, from);
-        int end = k + 1;
-        while (end < end_k && span_w[end] == span_w[k])
-            end++;
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
+                find(span_w[at], degree_w, planes + done, n_planes, plane_size, from);
                 __global real *to = target + (size_t)at * out_v * out_u + done;
                 sum_rows(degree_w, from, values_w + at, out_w, min(count - done, CHUNK), to, large);
             }
-            for (int a = 0; a <= degree_w; a++)
-                from[a] += CHUNK;
         }
-        k = end - 1;
     }
 #endif
 }

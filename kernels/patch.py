@@ -10,7 +10,7 @@ import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray
 
-CHUNK = wp.constant(1024)  # numbers of a plane that stay in the first cache while all of their span are made of them
+CHUNK = wp.constant(512)  # numbers of a plane that stay in the first cache while some spans are made of them
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -198,6 +198,7 @@ def contract_solid(
     out_w: wp.int32,
     band: wp.int32,
     part: wp.int32,
+    n_planes: wp.int32,
     item_size: wp.int32,
     scratch: wp.array(dtype=Any),
     vectors: LaneArray,
@@ -209,8 +210,9 @@ def contract_solid(
 
     Launched over (items, 1, out_u); of an item only the first along u works. It makes a band of ``band`` rows of
     ``part`` planes of one channel. Rows of control points that are contracted along u, and planes that are contracted
-    along v too, wait for the next pass in rings, which stay in its core's cache. ``scratch`` and ``vectors`` are one
-    memory, ``item_size`` an item.
+    along v too, wait for the next pass in rings, which stay in its core's cache. The ring of ``n_planes`` holds a few
+    beside those of a span: what the first cache has taken of them then makes all parameters of some spans. ``scratch``
+    and ``vectors`` are one memory, ``item_size`` an item.
     """
     tid_item, _none, along = wp.tid()
     if along > 0:
@@ -225,7 +227,6 @@ def contract_solid(
     channel = wp.int64(item // (n_bands * n_parts))
     count = (end_j - first_j) * out_u
     n_rows = degree_v + lanes
-    n_planes = degree_w + 1
     row_size = ((out_u + lanes - 1) // lanes) * lanes
     plane_size = ((band * out_u + lanes - 1) // lanes) * lanes
     packed = wp.int64(item) * wp.int64(item_size)
@@ -236,8 +237,15 @@ def contract_solid(
     while k < end_k:
         if k > first_k and span_w[k] < span_w[wp.max(k - 1, 0)]:  # parameters that run back: the ring begins anew
             plane = 0
-        plane = wp.max(plane, span_w[k] - degree_w)
-        while plane <= span_w[k]:
+        ahead = span_w[k] - degree_w
+        plane = wp.max(plane, ahead)
+        ahead = ahead + n_planes
+        end = k + 1
+        while end < end_k and wp.where(
+            span_w[wp.min(end, end_k - 1)] < ahead, span_w[wp.min(end, end_k - 1)] >= span_w[end - 1], False
+        ):
+            end = end + 1
+        while plane <= span_w[end - 1]:
             source = (channel * wp.int64(n_w) + wp.int64(plane)) * wp.int64(n_v * n_u)
             row = wp.int32(0)
             for j in range(first_j, end_j):
@@ -254,18 +262,13 @@ def contract_solid(
                 to = planes + wp.int64((plane % n_planes) * plane_size + (j - first_j) * out_u)
                 sum_rows(vectors, each, values_v, degree_v, j, out_v, out_u, lanes, vectors, to)
             plane = plane + 1
-        each = ring_rows(span_w[k] - degree_w, degree_w, n_planes, plane_size, planes)
-        end = k + 1
-        while end < end_k and span_w[wp.min(end, end_k - 1)] == span_w[k]:
-            end = end + 1
         for done in range(0, count, CHUNK):
             size = wp.min(count - done, CHUNK)
             for at in range(k, end):
+                each = ring_rows(span_w[at] - degree_w, degree_w, n_planes, plane_size, planes + wp.int64(done))
                 layer = (channel * wp.int64(out_w) + wp.int64(at)) * wp.int64(out_v)
                 to = (layer + wp.int64(first_j)) * wp.int64(out_u) + wp.int64(done)
                 sum_rows(vectors, each, values_w, degree_w, at, out_w, size, lanes, target, to)
-            for a in range(6):
-                each[a] = each[a] + wp.int64(size)
         k = end
 
 

@@ -13,6 +13,7 @@ Basis = tuple[Buffer, Buffer, int]
 ROW_BLOCK = 8  # rows of control points that share their weights in a work item
 PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work item
 RING_BYTES = 400 << 10  # planes that wait for the last pass: half of a core's second cache or less
+SPARE_PLANES = 3  # of them, beside those of a span: so many spans more are made of what the first cache has taken
 ITEMS_PER_CORE = 4  # so that cores which are held up leave work to others
 MOST_LANES = 32
 
@@ -66,17 +67,18 @@ def _contract_solid(
 ) -> tuple[Buffer, int]:
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
     (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
-    band = _evenly(counts[1], max(RING_BYTES // ((degrees[2] + 1) * counts[0] * device.real.itemsize), 1))
+    n_planes = degrees[2] + 1 + SPARE_PLANES
+    band = _evenly(counts[1], max(RING_BYTES // (n_planes * counts[0] * device.real.itemsize), 1))
     n_bands = -(-counts[1] // band)
     part = _evenly(counts[2], max(counts[2] * n_bands * n_channels // (ITEMS_PER_CORE * device.cores), 1))
     items = n_bands * -(-counts[2] // part) * n_channels
     packed = (n_u + 2 * MOST_LANES) * MOST_LANES
     rows = (degrees[1] + MOST_LANES) * (counts[0] + MOST_LANES)
-    item_size = packed + rows + (degrees[2] + 1) * (band * counts[0] + 2 * MOST_LANES)
+    item_size = packed + rows + n_planes * (band * counts[0] + 2 * MOST_LANES)
     item_size = -(-item_size // MOST_LANES) * MOST_LANES
     scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
     each = [value for basis, degree in zip(bases, degrees, strict=True) for value in (*basis[:2], degree, basis[2])]
-    arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, item_size, scratch, scratch, target)
+    arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, n_planes, item_size, scratch, scratch, target)
     device.launch("patch.contract_solid", (items, 1, counts[0]), *arguments)
     return target, prod(counts)
 
