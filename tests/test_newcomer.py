@@ -1,6 +1,7 @@
 """What somebody new meets: bodies that fill a scan or are one voxel, odd names, a full disk, other questions."""
 
 import shutil
+import sys
 from collections import namedtuple
 from importlib.metadata import version
 from pathlib import Path
@@ -81,3 +82,12 @@ def test_an_empty_mesh_file_is_called_so(run: Any, ball: str) -> None:
         2,
         "gpubspline: error: expected a mesh that meshio can read, got m.vtu: an empty file\n",
     )
+
+
+def test_a_package_that_is_not_there_is_one_line(run: Any, ball: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an installation that was made by halves."""
+    monkeypatch.setitem(sys.modules, "polars", None)
+    status, said, err = run("mesh", ball, *ONE_MM, "--nodes", "4,4,4", "--method", "tensor", "-o", "m.inp", "-q")
+    words = "expected the package polars to be installed: pip install gpubspline brings what it needs"
+    assert (status, said) == (2, "") and err.endswith(f"gpubspline: error: {words}\n") and "Traceback" not in err
+    assert not Path("m.inp").exists()

@@ -34,7 +34,9 @@ def run() -> None:
     except ImportError as error:
         if isinstance(error.__cause__, KeyboardInterrupt):  # in the middle of loading a compiled module
             _fail("interrupted", INTERRUPTED)
-        raise
+        if not isinstance(error, ModuleNotFoundError) or (error.name or "gpubspline").startswith("gpubspline"):
+            raise
+        _fail(f"expected the package {error.name} to be installed: pip install gpubspline brings what it needs")
     except GpubsplineError as error:
         _fail(str(error))
     except OSError as error:
