@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import BACKENDS, Device, list_devices, open_device
-from gpubspline.device.vectors import product
+from gpubspline.device.vectors import inner_product
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.material.mapping import apply_material, law_on_device
 from gpubspline.material.registry import law
@@ -126,7 +126,7 @@ def test_what_is_put_does_not_depend_on_how_it_lies_in_memory(
 def test_a_product_is_numpys_and_the_same_each_time(any_device: Device, n: int) -> None:
     x, y = np.random.default_rng(n).normal(size=(2, n))
     buffers = any_device.put(x), any_device.put(y)
-    found = [product(any_device, *buffers, n) for _ in range(3)]
+    found = [inner_product(any_device, *buffers, n) for _ in range(3)]
     scale = np.linalg.norm(x) * np.linalg.norm(y)
     assert abs(found[0] - x @ y) < 10 * np.finfo(any_device.real).eps * scale
     assert found[0] == found[1] == found[2]

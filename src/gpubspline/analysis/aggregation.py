@@ -8,6 +8,7 @@ Incompatible modes and mean dilatation, which make an element softer, are left o
 Source: Vanek, Mandel and Brezina 1996, "Algebraic multigrid by smoothed aggregation".
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,26 +78,52 @@ def aggregation(mesh: Mesh, held: Flags, modulus: str) -> Aggregation:
 
 def assemble(mesh: Mesh, held: Flags, modulus: str) -> sparse.bsr_array:
     """Stiffness (3 n, 3 n), float32, by nodes; 1 where a direction is held."""
-    n = mesh.n_nodes
-    entries: list[list[Any]] = [[None] * 3 for _ in range(3)]
-    for first in range(0, mesh.n_elements, _CHUNK):
-        elements = np.arange(first, min(first + _CHUNK, mesh.n_elements))
-        cells = mesh.cells_of(elements)
+    n, pattern = mesh.n_nodes, _pattern(mesh)
+    data = np.zeros((pattern.nnz, 3, 3), dtype=np.float32)
+    for elements, cells in _chunks(mesh):
         blocks = _element_blocks(mesh, elements, cells, modulus)
-        k = cells.shape[1]
-        rows, columns = np.repeat(cells, k, axis=1).ravel(), np.tile(cells, k).ravel()
         for c in range(3):
             for d in range(3):
-                part = sparse.coo_array((blocks[..., c, d].ravel(), (rows, columns)), shape=(n, n)).tocsr()
-                entries[c][d] = part if first == 0 else entries[c][d] + part
-    pattern = entries[0][0]
-    data = np.stack([np.stack([entry.data for entry in row], axis=-1) for row in entries], axis=-2)
-    rows = np.repeat(np.arange(n), np.diff(pattern.indptr))
-    free = ~held
+                part = _by_nodes(cells, blocks[..., c, d].ravel(), n)
+                if c == d == 0:  # where the entries of the part lie, of which all components have the same
+                    at = np.asarray(pattern[_rows(part), part.indices]).ravel()
+                data[at, c, d] += part.data
+    rows, free = _rows(pattern), ~held
     data *= free[rows][:, :, None] & free[pattern.indices][:, None, :]
     matrix = sparse.bsr_matrix((data, pattern.indices, pattern.indptr), shape=(3 * n, 3 * n))
     kept = sparse.bsr_matrix(sparse.diags(held.ravel().astype(np.float32)), blocksize=(3, 3))
     return sparse.bsr_matrix(matrix + kept)
+
+
+def _chunks(mesh: Mesh) -> Iterator[tuple[NDArray[Any], NDArray[np.int32]]]:
+    """Numbers of some elements, and their nodes (m, k)."""
+    for first in range(0, mesh.n_elements, _CHUNK):
+        elements = np.arange(first, min(first + _CHUNK, mesh.n_elements))
+        yield elements, mesh.cells_of(elements)
+
+
+def _pattern(mesh: Mesh) -> sparse.csr_matrix:
+    """Table (n, n) of the pairs of nodes of one element, numbered from 0 row by row.
+
+    It is known before any stiffness is added, since SciPy's sums leave out what cancels.
+    """
+    n = mesh.n_nodes
+    count = sparse.csr_matrix((n, n), dtype=np.float32)
+    for _, cells in _chunks(mesh):
+        count = count + _by_nodes(cells, np.ones(cells.size * cells.shape[1], dtype=np.float32), n)
+    return sparse.csr_matrix((np.arange(count.nnz), count.indices, count.indptr), shape=(n, n))
+
+
+def _by_nodes(cells: NDArray[np.int32], values: NDArray[np.float32], n: int) -> sparse.csr_matrix:
+    """Sums (n, n) of values (m k k) of pairs of the nodes of elements (m, k), zeros kept."""
+    k = cells.shape[1]
+    rows, columns = np.repeat(cells, k, axis=1).ravel(), np.tile(cells, k).ravel()
+    return sparse.csr_matrix(sparse.coo_matrix((values, (rows, columns)), shape=(n, n)))
+
+
+def _rows(table: sparse.csr_matrix) -> NDArray[np.intp]:
+    """Row of each entry."""
+    return np.repeat(np.arange(table.shape[0]), np.diff(table.indptr))
 
 
 def _element_blocks(mesh: Mesh, elements: NDArray[Any], cells: NDArray[np.int32], modulus: str) -> NDArray[np.float32]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpubspline.device import Buffer, Device
-from gpubspline.device.vectors import product
+from gpubspline.device.vectors import inner_product
 from gpubspline.errors import SolveError
 
 Progress = Callable[[int, float], None]
@@ -31,7 +31,7 @@ class Vectors:
 
     def dot(self, x: Buffer, y: Buffer) -> float:
         """Product of two vectors, the same each time."""
-        return product(self.device, x, y, self.n)
+        return inner_product(self.device, x, y, self.n)
 
 
 def conjugate_gradients(

@@ -8,7 +8,7 @@ PARTS = 4096
 """Partial sums of a product, added on the host in float64."""
 
 
-def product(device: Device, x: Buffer, y: Buffer, n: int) -> float:
+def inner_product(device: Device, x: Buffer, y: Buffer, n: int) -> float:
     """Sum of the n products of the numbers of x and y."""
     parts = device.empty(PARTS)
     device.launch("vectors.product", PARTS, x, y, n, PARTS, parts)

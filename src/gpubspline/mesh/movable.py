@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
-from gpubspline.device.vectors import product
+from gpubspline.device.vectors import inner_product
 from gpubspline.errors import InputError
 from gpubspline.mesh.quality import launch_explicit
 
@@ -189,7 +189,7 @@ class Movable:
         table = (self.start, self.slots, self.normal, self.slack, self.levels)
         args = (self.shares, self.n_corners, m, *table, self.n_nodes, gradient)
         device.launch("energy.node_gradient", self.n_nodes, *args)
-        return product(device, self.energy, self.ones, m)
+        return inner_product(device, self.energy, self.ones, m)
 
     def scaled_jacobian(self, x: Buffer) -> NDArray[Any]:
         """Scaled Jacobian (m,) of each element at x (planes, n)."""
