@@ -34,6 +34,7 @@ GPU_SHARES = {"evaluate": 0.7, "resample": 0.7, "quality-structured": 0.5}
 SECONDS = {"lattice": 2.0, "read-dicom": 3.0}
 START_UP = {"gpubspline --help": 0.5, "first patch": 2.0}
 SECONDS_A_HEX = {"write-inp": 1 / 1.33e6, "elasticity-growth": 240 / 1e6, "blocks": 360 / 1e6}
+LINEAR = 1.05  # exponent of processor seconds in hexes of blocks
 SECONDS_A_NODE = 90 / 104e6  # of a hundred million nodes, from scan to file
 PEAK_BYTES = {"scale": 6e9, "elasticity-growth": 4e9}
 SLOWEST = 5.0  # Warp beside OpenCL, both on the CPU
@@ -63,7 +64,7 @@ def aims(row: Row, before: Sequence[Row] = ()) -> list[Aim]:
     if row.name == "scaling" and not row.device.startswith("warp"):
         return []
     beside_paper = list(_beside_paper(row))  # other control points have no aim but this
-    return beside_paper or [*_share(row, SHARES.get(row.name)), *_times(row), *_seconds(row)]
+    return beside_paper or [*_share(row, SHARES.get(row.name)), *_times(row), *_seconds(row), *_linear(row)]
 
 
 def _share(row: Row, least: float | None) -> Iterator[Aim]:
@@ -91,6 +92,12 @@ def _seconds(row: Row) -> Iterator[Aim]:
     enough = count >= (LARGE_SCAN if row.name == "scale" else LARGE)
     if row.peak_bytes is not None and row.name in PEAK_BYTES and enough:
         yield Aim(f"{PEAK_BYTES[row.name] / 1e9:g} GB", row.peak_bytes <= PEAK_BYTES[row.name])
+
+
+def _linear(row: Row) -> Iterator[Aim]:
+    found = re.fullmatch(r"[\d,]+ to [\d,]+ hex8, exponent (\S+)", row.size)  # stages have none
+    if row.name == "blocks-growth" and found:
+        yield Aim(f"linear, {LINEAR:g}", float(found[1]) <= LINEAR)
 
 
 def _beside_opencl(row: Row, before: Sequence[Row]) -> Iterator[Aim]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpubspline.bench import bench_scale, run
+from gpubspline.bench import bench_scale, bench_stages, run
 from gpubspline.bench.aims import GPU_SHARES, PEAK_BYTES, SECONDS, SECONDS_A_HEX, SHARES, TIMES, aims
 from gpubspline.bench.bench_evaluate import random_patch
 from gpubspline.bench.measure import Place, Row, WrongResult, best_of, check, time_peers
@@ -52,6 +52,12 @@ def test_rows_of_a_device(name: str, device: Device) -> None:
     rows = list(run.ON_DEVICES[name](tiny(device)))
     assert rows and all(well_formed(row) and row.device == device.name for row in rows)
     assert TIMES.get(name, {}).keys() <= {peer for row in rows for peer in row.peers}
+
+
+def test_growth_is_the_slope_of_logarithms():
+    counts, stages = [100, 1000, 10_000], [{"one": n**1.2, "other": 1e-9 * n} for n in (100, 1000, 10_000)]
+    rows = list(bench_stages._growth(counts, stages, "warp:cpu"))
+    assert [row.size for row in rows] == [f"100 to 10,000 hex8{stage}, exponent 1.20" for stage in ("", ", one")]
 
 
 @pytest.mark.parametrize("name", [name for name in run.ON_HOST if name not in ("start-up", "scale")])
@@ -171,6 +177,10 @@ def test_aims_of_files_grow_with_them() -> None:
     assert words(Row("write-inp", "1,331,000 hexes, 159 MB", "host", 0.9, 1)) == ["1 s reached"]
     assert words(Row("write-inp", "10,648,000 hexes, 1,300 MB", "host", 8.1, 1)) == ["8 s missed"]
     assert words(Row("write-vtu", "1,331,000 hexes, 98 MB", "host", 1.0, 1, 0.51)) == ["50 % of bandwidth reached"]
+    for exponent, told in (("1.05", "reached"), ("1.06", "missed")):
+        row = Row("blocks-growth", f"9,968 to 995,406 hex8, exponent {exponent}", "opencl:0:0", 60.0, 1)
+        assert words(row) == [f"linear, 1.05 {told}"]
+    assert words(Row("blocks-growth", "9,968 to 995,406 hex8, lift, exponent 1.2", "opencl:0:0", 60.0, 1)) == []
     big = Row("scale", "103,680,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=2 * 10**9)
     assert words(big) == ["90 s missed", "6 GB reached"]
     assert words(Row("scale", "1,000,000 nodes to .vts", "opencl:0:0", 91.0, 1, peak_bytes=10**9)) == []

@@ -5,10 +5,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gpubspline.device import Device
+from gpubspline.mesh import improve
 from gpubspline.mesh.even import GIVEN, even_out
-from gpubspline.mesh.improve import placed
+from gpubspline.mesh.improve import RINGS, Effort, climb, placed
 from gpubspline.mesh.movable import FIXED, FREE, Movable, movable, put_level
-from gpubspline.mesh.neighbourhood import edge_lengths, least_determinant, neighbourhood, target_lengths
+from gpubspline.mesh.neighbourhood import (
+    edge_lengths,
+    hexes_round,
+    least_determinant,
+    neighbourhood,
+    target_lengths,
+)
 
 CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 
@@ -47,13 +54,31 @@ def test_a_neighbourhood_keeps_its_rim(device: Device) -> None:
     points, slack, hexes = grid(8, device)
     chosen = np.zeros(7**3, dtype=bool)
     chosen[7**3 // 2] = True
-    near = neighbourhood(hexes, slack, chosen, 1)
+    near = neighbourhood(hexes, slack, hexes_round(hexes, chosen, 1))
     assert len(near.elements) == 27 and len(near.nodes) == 64
     assert np.array_equal(points[near.nodes][near.hexes.cells], points[hexes.cells[near.elements]])
     assert np.count_nonzero(near.slack == FREE) == 8 and np.count_nonzero(near.slack == FIXED) == 56
     assert np.allclose(target_lengths(near.hexes), 1)
     colours = near.colours[near.hexes.cells]
     assert all(len(set(row)) == 8 for row in colours.tolist())
+
+
+def test_few_hexes_below_a_floor_are_raised_alone(monkeypatch, device: Device) -> None:
+    """One node astray in a large grid: what is farther than the rings stays, to the last bit, and the floor is met."""
+    monkeypatch.setattr(improve, "MANY", 9_000)
+    points, slack, hexes = grid(22, device)
+    middle = np.array([11, 11, 11])
+    points[np.all(points == middle, axis=1)] += (0.7, 0.6, 0.5)
+    colours = (points.astype(int) % 2) @ np.array([1, 2, 4])
+    before = placed(hexes, device.put(points.T), slack)
+    assert before.least < 0.2
+    after = climb(hexes, colours, before, Effort())
+    assert after.least >= 0.7
+    moved = np.array(device.get(after.x)).reshape(3, -1).T
+    far = np.abs(points - middle).max(axis=1) > RINGS + 2
+    assert np.array_equal(moved[far], points[far].astype(np.float32)) and far.mean() > 0.75
+    whole = climb(hexes, colours, placed(hexes, device.put(points.T), slack), Effort(few=0.0))
+    assert whole.least >= 0.7 and np.any(np.array(device.get(whole.x)).reshape(3, -1).T[far] != moved[far])
 
 
 def test_a_squeezed_edge_is_drawn_out(device: Device) -> None:

@@ -11,6 +11,7 @@ from gpubspline.mesh.movable import Goal, Movable
 from gpubspline.mesh.neighbourhood import (
     Neighbourhood,
     edge_lengths,
+    hexes_round,
     least_determinant,
     neighbourhood,
     target_lengths,
@@ -48,7 +49,7 @@ def even_out(hexes: Movable, best: Placed) -> Placed:
     bad = (shortest < SHORT) | (least_determinant(points, hexes.cells) < SMALL)
     if not bad.any():
         return best
-    near = neighbourhood(hexes, best.slack, bad, RINGS)
+    near = neighbourhood(hexes, best.slack, hexes_round(hexes, bad, RINGS))
     own = points[near.nodes]
     x = _drawn_out(near, own, best.least)
     points[near.nodes] = moved = np.array(device.get(x)).reshape(3, -1).T

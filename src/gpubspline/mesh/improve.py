@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gpubspline.device import Buffer
 from gpubspline.mesh.movable import FREE, Goal, Movable
+from gpubspline.mesh.neighbourhood import hexes_round, neighbourhood
 from gpubspline.mesh.quasi_newton import descend
 
 CAP = 0.3
@@ -27,6 +28,11 @@ CEILING = 0.75
 
 RISE = 0.05
 """From one floor to the next."""
+
+RINGS, FEW, MANY = 4, 0.25, 30_000
+"""Only hexes within so many rings of those below a floor are moved to raise them, where these are no greater share of
+all, and all are so many: the larger a mesh, the smaller the share, while descents of a small one take little.
+"""
 
 SWEEPS = 4
 """Most rounds of moves of single nodes at a floor."""
@@ -90,6 +96,7 @@ class Effort:
     sweeps: most rounds of moves of single nodes at each floor.
     polishes: most rounds of them at last.
     shortest: edges, in sizes of a node's smallest element, that count like a corner at the floor where it moves.
+    few: hexes near those below a floor are moved alone where they are no greater share of all.
     loosen: whether surface nodes may leave the surface where hexes stay poor.
     ahead, edges: how much more than the floor the energy asks of a corner, and its weight of even edges.
     """
@@ -100,6 +107,7 @@ class Effort:
     sweeps: int = SWEEPS
     polishes: int = POLISHES
     shortest: float = SHORTEST
+    few: float = FEW
     loosen: bool = True
     ahead: float = AHEAD
     edges: float = FLOOR_EDGES
@@ -165,13 +173,24 @@ def climb(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -
     x = best.x
     while best.least < effort.goal and missed < 2:
         floor = min(floor, effort.goal)
-        made = raise_to(hexes, colours, copy(hexes, x), floor, best.slack, effort)
+        few = _few_round(hexes, x, floor, effort)
+        made = raise_to(hexes, colours, copy(hexes, x), floor, best.slack, effort, few)
         missed = 0 if made.least >= floor else missed + 1
         best, x = _better(best, made), made.x
         if floor >= effort.goal:
             break
         floor = max(floor + RISE, best.least + 0.5 * RISE)
+        if few is not None and floor > effort.goal - 0.5 * RISE:  # the next is of many: one for both
+            floor = effort.goal
     return best
+
+
+def _few_round(hexes: Movable, x: Buffer, floor: float, effort: Effort) -> NDArray[np.bool_] | None:
+    """Hexes (m,) within some rings of those below a floor, or None where these are not few."""
+    if effort.few == 0 or hexes.n_elements < MANY or hexes.n_corners != 8 or hexes.planes != 3:
+        return None
+    near = hexes_round(hexes, hexes.scaled_jacobian(x) < floor, RINGS)
+    return near if 0 < near.mean() <= effort.few else None
 
 
 def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
@@ -191,14 +210,30 @@ def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort)
 
 
 def raise_to(
-    hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, slack: NDArray[Any], effort: Effort
+    hexes: Movable,
+    colours: NDArray[Any],
+    x: Buffer,
+    floor: float,
+    slack: NDArray[Any],
+    effort: Effort,
+    few: NDArray[np.bool_] | None = None,
 ) -> Placed:
-    """Bring the hexes at x to a floor, as many as will go."""
+    """Bring the hexes at x to a floor, as many as will go; ``few`` (m,): those that move alone."""
+    if few is None:
+        return placed(hexes, _raised(hexes, colours, x, floor, effort), slack)
+    near, points = neighbourhood(hexes, slack, few, colours), np.array(hexes.device.get(x)).reshape(3, -1)
+    part = hexes.device.put(np.ascontiguousarray(points[:, near.nodes]))
+    part = _raised(near.hexes, near.colours, part, floor, effort)
+    points[:, near.nodes] = np.array(hexes.device.get(part)).reshape(3, -1)
+    return placed(hexes, hexes.device.put(points), slack)
+
+
+def _raised(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, effort: Effort) -> Buffer:
     x, _ = descend(hexes, x, Goal(floor + effort.ahead, 2, effort.edges), steps=effort.floor_steps, cap=CAP)
     for _ in range(effort.sweeps):
         if not sweep(hexes, colours, x, floor, effort.shortest):
             break
-    return placed(hexes, x, slack)
+    return x
 
 
 def polish(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:

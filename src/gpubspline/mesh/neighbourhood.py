@@ -37,18 +37,26 @@ class Neighbourhood:
     slack: NDArray[Any]
 
 
-def neighbourhood(whole: Movable, slack: NDArray[Any], chosen: NDArray[np.bool_], rings: int) -> Neighbourhood:
-    """Cut out the hexes within some rings of the ``chosen`` (m,) ones.
-
-    Arguments
-    ---------
-    slack: (n,) of the whole's nodes.
-    """
+def hexes_round(whole: Movable, chosen: NDArray[np.bool_], rings: int) -> NDArray[np.bool_]:
+    """Whether each hex (m,) has all its nodes within some rings of the ``chosen`` (m,) ones."""
     cells, near = whole.cells, np.zeros(whole.n_nodes, dtype=bool)
     near[cells[chosen]] = True
     for _ in range(rings):
         near[cells[near[cells].any(axis=1)]] = True
-    own = near[cells].all(axis=1)
+    return np.asarray(near[cells].all(axis=1))
+
+
+def neighbourhood(
+    whole: Movable, slack: NDArray[Any], own: NDArray[np.bool_], colours: NDArray[Any] | None = None
+) -> Neighbourhood:
+    """Cut out some hexes (m,).
+
+    Arguments
+    ---------
+    slack: (n,) of the whole's nodes.
+    colours: of these, where they are known.
+    """
+    cells = whole.cells
     rim = np.zeros(whole.n_nodes, dtype=bool)
     rim[cells[~own]] = True
     nodes, numbers = np.unique(cells[own], return_inverse=True)
@@ -57,7 +65,8 @@ def neighbourhood(whole: Movable, slack: NDArray[Any], chosen: NDArray[np.bool_]
     lengths = np.array(whole.device.get(whole.log_lengths)).reshape(3, -1)[:, own]
     part_cells = numbers.reshape(-1, 8).astype(np.int32)
     part = movable(part_cells, len(nodes), held, whole.level, whole.device, lengths, levels)
-    return Neighbourhood(part, nodes, np.flatnonzero(own), colour_nodes(part_cells, len(nodes)), held)
+    colours = colour_nodes(part_cells, len(nodes)) if colours is None else colours[nodes]
+    return Neighbourhood(part, nodes, np.flatnonzero(own), colours, held)
 
 
 def target_lengths(hexes: Movable) -> Floats:

@@ -87,7 +87,7 @@ def optimize(
         )
     if boundary not in ("slide", "stay"):
         raise InputError(f"expected the boundary to slide or stay, got {boundary!r}")
-    effort = replace(effort or Effort(), loosen=False, **ANY_LENGTH)
+    effort = replace(effort or Effort(), few=0.0, loosen=False, **ANY_LENGTH)
     start = _Start(mesh, patch, device)
     moved, least = start.improved(start.points, start.held.at, boundary, effort)
     if boundary == "slide" and least < min(OPENED_BELOW, effort.goal):

@@ -16,7 +16,7 @@ from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import Effort, Placed, improve, placed
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, FREE, Movable, movable, put_level
-from gpubspline.mesh.neighbourhood import edge_lengths, neighbourhood
+from gpubspline.mesh.neighbourhood import edge_lengths, hexes_round, neighbourhood
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def _mended(hexes: Movable, slack: Floats, points: Floats, floor: float) -> Plac
     poor = hexes.scaled_jacobian(x) < floor
     if not poor.any():
         return placed(hexes, x, slack)
-    near = neighbourhood(hexes, slack, poor, RINGS)
+    near = neighbourhood(hexes, slack, hexes_round(hexes, poor, RINGS))
     best = improve(near.hexes, near.colours, device.put(points[near.nodes].T), near.slack, Effort(goal=floor))
     points[near.nodes] = np.array(device.get(best.x)).reshape(3, -1).T
     return placed(hexes, device.put(points.T), slack)
