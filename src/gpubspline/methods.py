@@ -250,7 +250,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         points = mesh.points.astype(np.float64)
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
-    keeps = None if made.report.is_whole else size_that_keeps_topology(body.region, size, device=device)
+    keeps = None if made.report.is_whole or parts else size_that_keeps_topology(body.region, size, device=device)
     warn_of_topology(made.report, keeps)
     warn_of_bodies(made.report.bodies, parts, size)
     return Meshed(mesh, made.report.to_dict() | figures)

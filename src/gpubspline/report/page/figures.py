@@ -130,6 +130,7 @@ def _words(key: str) -> str:
         "modulus": "Young's modulus",
         "jacobian determinant": "Jacobian determinant",
         "euler": "Euler number",
+        "topology": "other topology",
     }.get(words, words)
 
 
