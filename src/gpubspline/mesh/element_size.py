@@ -4,11 +4,8 @@ import numpy as np
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.errors import InputError
-from gpubspline.mesh.blocks.core import cell_means, core_cells
-from gpubspline.mesh.blocks.level_set import level_set
-from gpubspline.mesh.blocks.pillow import count_hexes
-from gpubspline.mesh.blocks.repair import repair
+from gpubspline.errors import InputError, MeshError
+from gpubspline.mesh.blocks.lay import lay
 from gpubspline.mesh.thickness import measure_thickness
 
 ACROSS = 2.0
@@ -77,9 +74,8 @@ def size_for(region: Region, elements: int, device: Device) -> float:
 
 
 def _count(region: Region, size: float, device: Device) -> int:
+    """Hexes on the first place of the lattice, those of thin features that are taken in among them."""
     try:
-        level = level_set(region, size, device=device)
-    except InputError:
+        return lay(region, size, {}, None, device, 0).elements
+    except (InputError, MeshError):
         return 0
-    means = cell_means(level.phi)
-    return count_hexes(repair(core_cells(means), means)[0])

@@ -52,8 +52,8 @@ def block(hole: bool = False, cavity: bool = False, split: bool = False) -> np.n
         ({}, {"hole": True}, "closes a tunnel", -1, (6.5, 5.5)),
         ({"hole": True}, {}, "pierces a wall", 1, (6.5, 5.5)),
         ({"hole": True, "split": True}, {"hole": True}, "cuts a bridge", -1, (6.5, 3.5)),
-        ({"hole": True}, {"hole": True, "split": True}, "bridges a gap or fills a cavity", 1, (6.5, 3.5)),
-        ({}, {"cavity": True}, "bridges a gap or fills a cavity", 1, (4.5, 4.5)),
+        ({"hole": True}, {"hole": True, "split": True}, "fills a gap", 1, (6.5, 3.5)),
+        ({}, {"cavity": True}, "fills a gap", 1, (4.5, 4.5)),
     ],
 )
 def test_each_kind_of_difference_is_found_where_it_is(cells, region, what, euler, at):

@@ -1,17 +1,20 @@
 """Lattices laid over a region: what each would lose is known before hexes are made, for a tenth of the work."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gpubspline.ct.region import Region
+from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, largest_body
-from gpubspline.mesh.blocks.grow import Core
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
+from gpubspline.mesh.blocks.grow import Core, find_core
+from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part, level_set, part_of
 from gpubspline.mesh.blocks.pillow import count_hexes
-from gpubspline.mesh.blocks.placement import Placement
+from gpubspline.mesh.blocks.placement import Placement, placement
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.blocks.topology import Difference, differences
@@ -33,7 +36,10 @@ FILLINGS = 3
 PUSH, AROUND = 0.2, 2.0
 """By how much, in elements, cells within so many of a place of another topology are pushed out or in, each round."""
 
-MENDINGS = 6
+AT_LEAST = 0.02
+"""Distance, in elements, that is given to cells which the repair took to the other side."""
+
+MENDINGS = 8
 """Most rounds of it."""
 
 
@@ -83,19 +89,40 @@ class Laid:
         return sum(far for far in out if far > MOST_LOST)
 
 
+def lay(
+    region: Region,
+    size_mm: float,
+    parts: Mapping[str, Region],
+    rotation: NDArray[np.float64] | None,
+    device: Device,
+    number: int,
+) -> Laid:
+    """Lay the lattice in the place of a number, from 0.
+
+    Raises
+    ------
+    InputError or MeshError where it has no sound core there.
+    """
+    place = placement(number)
+    level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
+    within = {name: part_of(level, part, device=device) for name, part in parts.items()}
+    laid = Laid(place, level, within, find_core(level, within), cell_means(level.phi))
+    return laid if parts else mended(thickened(laid))
+
+
 def mended(laid: Laid) -> Laid:
     """Push cells out of tunnels that the core closes and into bridges that it cuts, until its topology is the region's.
 
     Corners of a cell round a rod or a bore about as thick as the cell lie on the other side: their mean leaves it out,
-    or fills it. How much has to be pushed is found in steps, at each place alone.
+    or fills it. How much has to be pushed is found in steps, at each place alone; elsewhere cells stay as they are.
     """
-    best, pushed = laid, laid.means
-    latest = laid.core
+    best, latest, own = laid, laid.core, laid.core.cells > 0
+    pushed = np.where(own, np.minimum(laid.means, -AT_LEAST), np.maximum(laid.means, AT_LEAST)).astype(np.float32)
     for _ in range(MENDINGS):
         if not latest.differences:
             break
         pushed = _pushed(pushed, latest.differences)
-        found = _repaired(laid.level, core_cells(pushed), pushed)
+        found = _repaired(laid.level, pushed < 0, pushed)
         if found is None:
             break
         latest = found
@@ -156,7 +183,7 @@ def _missing(laid: Laid) -> Cells:
     return np.asarray(each.mean(axis=(1, 3, 5)) > FILLED)
 
 
-def in_turn(lay: Callable[[int], Laid], attempts: int) -> Iterator[Laid | Failure]:
+def in_turn(lay_at: Callable[[int], Laid], attempts: int) -> Iterator[Laid | Failure]:
     """Lay a lattice in place after place, and give the laid, those that lose least first.
 
     While the first loses nothing the others follow as they come. Else all are laid, until one loses nothing, before the
@@ -164,12 +191,12 @@ def in_turn(lay: Callable[[int], Laid], attempts: int) -> Iterator[Laid | Failur
 
     Arguments
     ---------
-    lay: lays the lattice in the place of a number, from 0; errors that it raises are given in the place's turn.
+    lay_at: lays the lattice in the place of a number, from 0; errors that it raises are given in the place's turn.
     """
 
     def laid(number: int) -> Laid | Failure:
         try:
-            return lay(number)
+            return lay_at(number)
         except (InputError, MeshError) as error:
             return error
 

@@ -46,6 +46,9 @@ CLOSING = 0.5
 GROOVE = 0.25
 """Depth, in elements, of the groove left at the mouth of a closed crack: more than distances between samples err."""
 
+FARTHEST = 1.0
+"""Most, in elements, that the zero level is moved for its volume."""
+
 BAND = 0.4
 """Half the width, in elements, of the band of samples that the surface's area is taken from."""
 
@@ -232,7 +235,8 @@ def brought_back(bricks: Bricks, smooth: Field, phi: Field) -> Field:
     change = _share_inside(smooth)
     change -= _share_inside(phi)
     weight, total = (bricks.summed_in_cells(values, SAMPLES) for values in (near, change))
-    return np.asarray(smooth + bricks.between_cells(spread(weight / BAND, total), SAMPLES), dtype=np.float32)
+    moved = np.clip(spread(weight / BAND, total), -FARTHEST, FARTHEST)  # what nearly vanishes has hardly any surface
+    return np.asarray(smooth + bricks.between_cells(moved, SAMPLES), dtype=np.float32)
 
 
 def _share_inside(phi: Field) -> Field:

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
-from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, mended, thickened
-from gpubspline.mesh.blocks.level_set import LevelSet, Part, level_set, part_of
-from gpubspline.mesh.blocks.placement import placement
+from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, lay
+from gpubspline.mesh.blocks.level_set import LevelSet, Part
 from gpubspline.mesh.blocks.result import Attempt, Blocks
 from gpubspline.mesh.improve import POOR, Effort
 
@@ -89,7 +87,7 @@ def blocks_mesh(
     tried: list[Attempt] = []
     failure: Failure = MeshError(f"expected at least one attempt, got {attempts}")
     made_hexes = 0
-    for laid in in_turn(partial(_lay, region, size_mm, parts, rotation, device), attempts):
+    for laid in in_turn(partial(lay, region, size_mm, parts, rotation, device), attempts):
         if not isinstance(laid, Laid):
             failure = laid
             continue
@@ -115,22 +113,6 @@ def blocks_mesh(
     return replace(finished, report=replace(finished.report, attempts=tuple(tried)))
 
 
-def _lay(
-    region: Region,
-    size_mm: float,
-    parts: Mapping[str, Region],
-    rotation: NDArray[np.float64] | None,
-    device: Device,
-    number: int,
-) -> Laid:
-    """Lay the lattice in the place of a number; raises InputError or MeshError where it has no sound core."""
-    place = placement(number)
-    level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
-    within = {name: part_of(level, part, device=device) for name, part in parts.items()}
-    laid = Laid(place, level, within, find_core(level, within), cell_means(level.phi))
-    return laid if parts else mended(thickened(laid))
-
-
 def size_that_keeps_topology(
     region: Region, size_mm: float, *, device: Device, rotation: NDArray[np.float64] | None = None
 ) -> float | None:
@@ -142,7 +124,7 @@ def size_that_keeps_topology(
         if region.volume_mm3 / (share * size_mm) ** 3 > MOST_LAID:
             break
         try:
-            laid = _lay(region, share * size_mm, {}, rotation, device, 0)
+            laid = lay(region, share * size_mm, {}, rotation, device, 0)
         except (InputError, MeshError):
             continue
         if not laid.core.differences:

@@ -126,9 +126,18 @@ class Difference:
     @property
     def what(self) -> str:
         """What the core does there to the region."""
-        if self.filled:
-            return "closes a tunnel" if self.euler < 0 else "bridges a gap or fills a cavity"
-        return "cuts a bridge" if self.euler < 0 else "pierces a wall"
+        does, one = _DOES[self.filled, self.euler < 0]
+        count = abs(self.euler)
+        return f"{does} a {one}" if count == 1 else f"{does} {count} {one}s"
+
+
+_DOES = {
+    (True, True): ("closes", "tunnel"),
+    (True, False): ("fills", "gap"),
+    (False, True): ("cuts", "bridge"),
+    (False, False): ("pierces", "wall"),
+}
+"""By whether the core is inside there, and whether its Euler characteristic is too high. A cavity is a gap too."""
 
 
 def differences(cells: Cells, inside: NDArray[np.bool_]) -> tuple[Difference, ...]:
