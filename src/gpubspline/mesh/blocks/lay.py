@@ -67,9 +67,9 @@ class Laid:
         """Hexes that there will be, the layers between bodies not counted."""
         return count_hexes(self.core.cells > 0)
 
-    @cached_property
+    @property
     def reached(self) -> Field:
-        """The level set as far as the core reaches."""
+        """The level set as far as the core reaches: as large as a mesh, and not kept."""
         return within_reach(self.level.phi, self.core.distance)
 
     @cached_property

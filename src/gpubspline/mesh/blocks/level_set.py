@@ -185,7 +185,7 @@ def _bend(lines: Field) -> Field:
 
 def volume_inside(phi: Field) -> float:
     """Volume, in elements, that the zero level holds."""
-    return float(_share_inside(phi).sum(dtype=np.float64)) / SAMPLES**3
+    return sum(float(_share_inside(plane).sum(dtype=np.float64)) for plane in phi) / SAMPLES**3
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,8 +44,9 @@ class Holding:
     def by(self, wanted: Field) -> tuple[Movable, Field]:
         """Hold the nodes by a level set, as far as the core reaches; gives that too."""
         reached = wanted if self.core is None else within_reach(wanted, self.core)
-        volumes = np.stack(level_volumes(reached, self.interfaces, self.held))
-        level = put_level(volumes, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), self.device)
+        volumes = level_volumes(reached, self.interfaces, self.held)
+        volume = np.stack(volumes) if len(volumes) > 1 else reached
+        level = put_level(volume, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), self.device)
         cells, n, held = self.hexes.cells, self.hexes.n_nodes, self.held
         return movable(cells, n, held.slack, level, self.device, levels=held.levels), reached
 
@@ -66,8 +67,7 @@ class PlacedOn:
 
 def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bulge: bool) -> PlacedOn:
     """Place the nodes of hexes; ``bulge``: outside the level set, by as much as faces cut off."""
-    wanted = bulged(level.phi) if bulge else level.phi
-    hexes, reached = holding.by(wanted)
+    hexes, reached = holding.by(bulged(level.phi) if bulge else level.phi)
     colours, slack, several = holding.hexes.colours, holding.held.slack, bool(holding.interfaces)
     x, effort = start(holding.hexes, hexes), effort or Effort()
     if several:
@@ -79,7 +79,7 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
         volume = volume_inside(level.phi)
         chords = measure_chords(first.points, holding.hexes.quads, level.phi, volume)
         if abs(chords.volume) > FEW * volume or several:
-            made = _lifted(_settled_again(holding, first, chords.added_to(wanted), effort), colours, effort)
+            made = _lifted(_settled_again(holding, first, chords.added_to(bulged(level.phi)), effort), colours, effort)
             if made.nodes.least >= POOR:
                 return made
             first = first if several else _lifted(first, colours, effort)
