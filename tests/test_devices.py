@@ -122,6 +122,13 @@ def test_what_is_put_does_not_depend_on_how_it_lies_in_memory(
     assert np.array_equal(device.get(device.put(other)), values.ravel())
 
 
+@pytest.mark.parametrize("number", [2**31, -(2**31) - 1])
+def test_integers_that_32_bits_do_not_hold_are_not_cut(device: Device, number: int) -> None:
+    with pytest.raises(InputError, match=f"integers of 32 bits, got .*{number}"):
+        device.put(np.array([0, number]))
+    assert np.array_equal(device.get(device.put(np.array([2**31 - 1, -(2**31)]))), [2**31 - 1, -(2**31)])
+
+
 @pytest.mark.parametrize("n", [1, 63, 64 * 4096 + 5])
 def test_a_product_is_numpys_and_the_same_each_time(any_device: Device, n: int) -> None:
     x, y = np.random.default_rng(n).normal(size=(2, n))

@@ -63,6 +63,20 @@ class Device(Protocol):
         """Return when everything launched has finished."""
 
 
+def buffer_type(values: NDArray[Any], real: "np.dtype[Any]") -> "np.dtype[Any]":
+    """Type of the buffer that an array is put in.
+
+    Raises InputError where its integers are none of 32 bits.
+    """
+    if values.dtype.kind == "f":
+        return real
+    whole = np.iinfo(np.int32)
+    wide = values.dtype.kind in "iu" and values.dtype.itemsize >= 4 and values.dtype != np.int32
+    if wide and values.size and not whole.min <= values.min() <= values.max() <= whole.max:
+        raise InputError(f"expected integers of 32 bits, got {values.min()} to {values.max()}")
+    return np.dtype(np.int32)
+
+
 def quietly(kernel: str) -> None:
     """Say nothing of a kernel that is built: ``on_build`` of a device that nobody watches."""
 

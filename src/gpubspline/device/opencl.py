@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import KERNELS, Device, find_kernel, quietly
+from gpubspline.device import KERNELS, Device, buffer_type, find_kernel, quietly
 from gpubspline.device.pocl import has_wide_vectors, name_processor
 from gpubspline.errors import BackendUnavailable
 
@@ -78,7 +78,7 @@ class OpenCLDevice:
         if isinstance(array, OpenCLBuffer):
             return array
         values = np.asarray(array)
-        buffer = self.empty(values.size, self.real if values.dtype.kind == "f" else np.int32)
+        buffer = self.empty(values.size, buffer_type(values, self.real))
         if self._is_cpu:
             self._map(buffer, self._opencl.map_flags.WRITE).reshape(values.shape)[...] = values
         elif values.size:

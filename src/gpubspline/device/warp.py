@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, find_kernel, quietly
+from gpubspline.device import Device, buffer_type, find_kernel, quietly
 from gpubspline.errors import BackendUnavailable, InputError
 
 
@@ -74,7 +74,7 @@ class WarpDevice:
         if isinstance(array, self._warp.array):
             return array
         values = np.asarray(array)
-        dtype = self.real if values.dtype.kind == "f" else np.int32
+        dtype = buffer_type(values, self.real)
         if self._device.is_cpu:
             buffer = self.empty(values.size, dtype)
             buffer.numpy().reshape(values.shape)[...] = values
