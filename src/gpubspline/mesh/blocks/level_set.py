@@ -111,20 +111,18 @@ def lattice_cells(region: Region, size_mm: float, rotation: Floats) -> tuple[int
 
 def _extent(region: Region, rotation: Floats) -> tuple[Floats, Floats]:
     """Least and greatest coordinate of the voxels inside along each lattice axis, mm."""
-    k, j, i = np.nonzero(region.mask)
-    ends = np.stack([i, j, k], axis=1)[_outermost(i, j, k)]
+    ends = _outermost(region.mask)
     along = (ends @ region.affine[:3, :3].T + region.affine[:3, 3]) @ rotation
     reach = np.abs(rotation.T @ region.affine[:3, :3]).sum(axis=1)  # the boundary lies within a voxel
     return along.min(axis=0) - reach, along.max(axis=0) + reach
 
 
-def _outermost(i: NDArray[Any], j: NDArray[Any], k: NDArray[Any]) -> NDArray[Any]:
-    """Indices of the first and the last voxel of each row: no other can lie farthest out."""
-    order = np.lexsort((i, j, k))
-    new = (np.diff(j[order]) != 0) | (np.diff(k[order]) != 0)
-    first = np.concatenate([[True], new])
-    last = np.concatenate([new, [True]])
-    return np.asarray(order[first | last])
+def _outermost(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Indices (n, 3) i, j, k of the first and the last voxel of each row: no other can lie farthest out."""
+    k, j = np.nonzero(mask.any(axis=2))
+    rows = mask[k, j]
+    first, last = rows.argmax(axis=1), mask.shape[2] - 1 - rows[:, ::-1].argmax(axis=1)
+    return np.concatenate([np.stack([i, j, k], axis=1) for i in (first, last)])
 
 
 def level_set(
