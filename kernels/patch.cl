@@ -75,18 +75,20 @@ void contract(__global const real *source, int n_control, int inner, __global co
 // Numbers of a plane that stay in a core's first cache while some spans are made of them.
 #define CHUNK 512
 
-// Rows of control points that are contracted together and share weights.
+// Rows of control points that are contracted together and share weights, and the places of a ring of such rows, which
+// holds those of a span too.
 #define BLOCK 8
+#define N_ROWS 16
 
-// u axis of `count` rows of a plane, at most BLOCK, from `row` on, to their places in a ring of `n_rows`. The spans of
-// LANES parameters lie in one vector of control points where `near` says so, else in as many as it takes.
+// u axis of `count` rows of a plane, at most BLOCK, from `row` on, to their places in a ring. The spans of LANES
+// parameters lie in one vector of control points where `near` says so, else in as many as it takes.
 inline void contract_lines(int row, int count, __global const real *plane, int n_u, __global const int *span,
                            __global const real *values, int degree, int n_out, bool near, __global real *rows,
-                           int n_rows, int row_size)
+                           int row_size)
 {
     __global real *to[BLOCK];
     for (int r = 0; r < count; r++)
-        to[r] = rows + (row + r) % n_rows * row_size;
+        to[r] = rows + (uint)(row + r) % N_ROWS * row_size;
     __global const real *from = plane + (size_t)row * n_u;
     for (int i = 0; i < n_out; i += LANES) {
         fetch(from + count * n_u, i * BLOCK, i < n_u ? LANES * BLOCK : 0); // the rows that the next call wants
@@ -151,10 +153,9 @@ inline void sum_rows(int degree, __global const real *const *rows, __global cons
         FOR_DEGREE(KEPT)
 }
 
-// The degree + 1 rows of a span in a ring of so many places, `size` apart.
-inline void find(int span, int degree, __global const real *ring, int places, size_t size, __global const real **rows)
+// The degree + 1 rows of a span, from `place` on in a ring of so many, `size` apart.
+inline void find(int place, int degree, __global const real *ring, int places, size_t size, __global const real **rows)
 {
-    int place = (span - degree) % places;
     for (int a = 0; a <= MAX_DEGREE; a++) {
         rows[a] = ring + place * size;
         if (a < degree)
@@ -188,11 +189,14 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     control += channel * n_w * n_v * n_u;
     target += (channel * out_w * out_v + first_j) * out_u;
     bool large = (size_t)n_channels * out_u * out_v * out_w * sizeof(real) > LARGE;
-    int n_rows = degree_v + BLOCK, count = (end_j - first_j) * out_u;
+    int count = (end_j - first_j) * out_u;
     int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = (band * out_u + 2 * LANES - 1) / LANES * LANES;
     __global real *rows = vectors + (size_t)item * item_size;
-    __global real *planes = rows + n_rows * row_size;
+    __global real *planes = rows + N_ROWS * row_size;
     __global const real *from[MAX_DEGREE + 1];
+    int end_row = 0; // of control points that the band needs
+    for (int j = first_j; j < end_j; j++)
+        end_row = max(end_row, span_v[j] + 1);
     bool near = spans_are_near(span_u, degree_u, out_u);
     for (int k = first_k, end, plane = 0; k < end_k; k = end) {
         if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
@@ -205,16 +209,16 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                 if (j > first_j && span_v[j] < span_v[j - 1])
                     row = 0;
                 for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK)
-                    contract_lines(row, min(BLOCK, n_v - row), control + (size_t)plane * n_v * n_u, n_u, span_u, values_u,
-                                   degree_u, out_u, near, rows, n_rows, row_size);
-                find(span_v[j], degree_v, rows, n_rows, row_size, from);
+                    contract_lines(row, min(BLOCK, end_row - row), control + (size_t)plane * n_v * n_u, n_u, span_u,
+                                   values_u, degree_u, out_u, near, rows, row_size);
+                find((uint)(span_v[j] - degree_v) % N_ROWS, degree_v, rows, N_ROWS, row_size, from);
                 __global real *to = planes + plane % n_planes * plane_size + (j - first_j) * out_u;
                 sum_rows(degree_v, from, values_v + j, out_v, row_size, to, false);
             }
         }
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
-                find(span_w[at], degree_w, planes + done, n_planes, plane_size, from);
+                find((span_w[at] - degree_w) % n_planes, degree_w, planes + done, n_planes, plane_size, from);
                 __global real *to = target + (size_t)at * out_v * out_u + done;
                 sum_rows(degree_w, from, values_w + at, out_w, min(count - done, CHUNK), to, large);
             }
