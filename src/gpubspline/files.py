@@ -7,7 +7,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -127,7 +127,7 @@ def _start_writeback(path: Path) -> None:
     ext4 does so itself lest a power cut leave neither, but not where the space was reserved.
     """
     if hasattr(os, "posix_fadvise"):
-        with open(path, "rb") as stream:
+        with suppress(OSError), open(path, "rb") as stream:
             os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
