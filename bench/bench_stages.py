@@ -60,9 +60,11 @@ HEXES = {"full": (10_000, 100_000, 1_000_000), "quick": (10_000, 50_000, 200_000
 """About so many are asked for."""
 
 STAGES: tuple[tuple[str, Any, str], ...] = (
-    ("level set", mesher, "level_set"),
+    ("level set", lay, "level_set"),
     ("core", grow, "core_cells"),
+    ("core", lay, "core_cells"),
     ("repair", grow, "repair"),
+    ("repair", lay, "repair"),
     ("pillow", grow, "pillow"),
     ("topology", grow, "differences"),
     ("topology", lay, "differences"),
