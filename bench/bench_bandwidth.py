@@ -3,6 +3,10 @@
 Floors. fill: 4 bytes written a value, no operation. triad: 8 bytes read and 4 written, 2 operations. What a cache reads
 of a line before it is written is not counted: a kernel that writes only is held against ``fill``, one that also reads
 against ``triad``.
+
+Both are of buffers as the library's devices reserve them, in pages of 2 MB where Linux grants them. In pages of 4 kB a
+core of Zen 5 in a virtual machine fills 30 GB/s rather than 44, and two 42 to 55 rather than 80 to 87: less than triad,
+which waits for its reads meanwhile. 32 or 64 bytes a store make no difference.
 """
 
 from collections.abc import Iterator

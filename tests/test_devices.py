@@ -194,3 +194,22 @@ def test_vectors_that_begin_near_the_end_of_a_buffer_lie_in_it() -> None:
     """A row shorter than a vector, and fewer numbers in all than one holds, read as vectors."""
     pytest.importorskip("warp")
     subprocess.run([sys.executable, "-c", CHECKED], check=True, timeout=300)
+
+
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="only Linux has large pages")
+@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
+def test_large_buffers_ask_for_large_pages(name: str) -> None:
+    device = open_device(name)
+    if not device.cores:
+        pytest.skip("the memory of a GPU has pages of its own")
+    values = device.get(device.empty(1 << 23))
+    middle, inside = values.ctypes.data + values.nbytes // 2, False
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        words = line.split()
+        if "-" in words[0]:
+            start, end = (int(part, 16) for part in words[0].split("-"))
+            inside = start <= middle < end
+        elif inside and words[0] == "VmFlags:":
+            assert "hg" in words
+            return
+    pytest.fail("expected the buffer in /proc/self/smaps")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import KERNELS, Device, buffer_type, find_kernel, quietly
+from gpubspline.device.pages import LARGE_BYTES, ask_for_large_pages
 from gpubspline.device.pocl import has_wide_vectors, name_processor
 from gpubspline.errors import BackendUnavailable
 
@@ -97,7 +98,10 @@ class OpenCLDevice:
             memory = self._opencl.Buffer(self._context, flags, padded * kind.itemsize)
         except (self._opencl.MemoryError, self._opencl.LogicError) as error:
             raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
-        return OpenCLBuffer(memory, shape, kind)
+        buffer = OpenCLBuffer(memory, shape, kind)
+        if self._is_cpu and padded * kind.itemsize >= LARGE_BYTES:
+            ask_for_large_pages(self._map(buffer, self._opencl.map_flags.READ).ctypes.data, padded * kind.itemsize)
+        return buffer
 
     def get(self, buffer: OpenCLBuffer) -> NDArray[Any]:
         """Download; on a CPU the array is the buffer's own memory."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Device, buffer_type, find_kernel, quietly
+from gpubspline.device.pages import ask_for_large_pages
 from gpubspline.errors import BackendUnavailable, InputError
 
 
@@ -91,6 +92,8 @@ class WarpDevice:
             whole = self._warp.empty(padded, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
         except (RuntimeError, ValueError) as error:
             raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
+        if self._device.is_cpu:
+            ask_for_large_pages(whole.ptr or 0, padded * kind.itemsize)
         return whole[:size].reshape(shape) if size else whole.reshape(shape)
 
     def get(self, buffer: Any) -> NDArray[Any]:
