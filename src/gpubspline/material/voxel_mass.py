@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from gpubspline.ct.partial_volume import REACH, folding
 from gpubspline.ct.region import Region
@@ -17,7 +18,10 @@ from gpubspline.material.mapping import LawOnDevice
 _CHUNK = 1 << 22
 
 PARTED = np.array(list(product((-0.25, 0.25), repeat=3)))
-"""(8, 3) Index steps from a voxel's centre to the points that it is read at where the surface crosses it."""
+"""(8, 3) Index steps i, j, k from the centre of a voxel near the surface to those of its eighths."""
+
+_CORNERS = np.array(list(product((-0.5, 0.0, 0.5), repeat=3))).T
+"""(3, 27) Index steps to the corners of the eighths."""
 
 
 def voxel_mass_g(
@@ -31,8 +35,8 @@ def voxel_mass_g(
 ) -> float:
     """Mass of a region by its voxels: the density that the law gives each, times its part inside.
 
-    A voxel that the boundary crosses counts by the part of its width along the boundary's normal that lies inside;
-    those at the border of the scan count half, since neither region nor mesh goes beyond their centres.
+    A voxel near the boundary counts by its eighths, each by the part of it within the trilinear boundary; those at the
+    border of the scan count half, since neither region nor mesh goes beyond their centres.
 
     Arguments
     ---------
@@ -86,19 +90,13 @@ def _folded(
         return hu, weight
     fold = folding(volume, region, _places(volume, inside[near]), device)
     values, weights = [hu[~near]], [weight[~near]]
-    crossed = near & (weight < 1)
-    whole = near & ~crossed
-    for first in range(0, inside.size, _CHUNK // 8):
-        some = slice(first, first + _CHUNK // 8)
-        centres = _places(volume, inside[some][whole[some]])
-        values.append(hu[some][whole[some]] + fold.correction(centres))
-        weights.append(weight[some][whole[some]])
-        places = _places(volume, inside[some][crossed[some]])[:, None] + PARTED @ edges
-        in_body = fold.distance(places.reshape(-1, 3)).reshape(places.shape[:2]) < 0
-        in_body[~in_body.any(axis=1)] = True
-        points = places[in_body]
+    chosen, border = np.flatnonzero(near), _within_scan(region.mask.shape).reshape(-1)[inside]
+    for first in range(0, chosen.size, _CHUNK // 8):
+        some = chosen[first : first + _CHUNK // 8]
+        shares = _shares_inside(region, inside[some]) * border[some, None] / len(PARTED)
+        points = (_places(volume, inside[some])[:, None] + PARTED @ edges)[shares > 0]
         values.append(fold.hu(points) + fold.correction(points))
-        weights.append(np.repeat(weight[some][crossed[some]] / in_body.sum(axis=1), in_body.sum(axis=1)))
+        weights.append(shares[shares > 0])
     return np.concatenate(values), np.concatenate(weights)
 
 
@@ -111,31 +109,39 @@ def _parts_inside(region: Region) -> NDArray[np.float32]:
     """Part (n_k, n_j, n_i) of each voxel that is inside."""
     part = region.mask.astype(np.float32)
     widest = float(region.spacing_mm.sum()) / 2  # half a voxel's width across its diagonal, at the most
-    k, j, i = np.nonzero(np.abs(region.distance_mm) < widest)
-    near = region.distance_mm[k, j, i]
-    width = _width_mm(region, (k, j, i))
-    part[k, j, i] = np.clip(0.5 - near / width, 0, 1)
-    for axis, size in enumerate(part.shape):
-        if size > 1:
-            along = np.moveaxis(part, axis, 0)
-            along[0] *= 0.5
-            along[-1] *= 0.5
-    return part
+    near = np.flatnonzero(np.abs(region.distance_mm) < widest)
+    for first in range(0, near.size, _CHUNK // 8):
+        some = near[first : first + _CHUNK // 8]
+        part.reshape(-1)[some] = _shares_inside(region, some).mean(axis=1)
+    return part * _within_scan(part.shape)
 
 
-def _width_mm(region: Region, at: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
-    """Width (n,) of voxels along the gradient of the distance, mm: the projections of their edges added up."""
-    slopes = []
-    for axis, index in enumerate(at):
-        steps = []
-        for step in (1, -1):
-            moved = list(at)
-            moved[axis] = np.clip(index + step, 0, region.mask.shape[axis] - 1)
-            steps.append((region.distance_mm[tuple(moved)].astype(np.float64), moved[axis]))
-        (high, last), (low, first) = steps
-        slopes.append((high - low) / np.maximum(last - first, 1))
-    # the gradient along an index axis is the distance's change over that edge: slope . edge of the unit normal
-    gradient = np.stack(slopes[::-1])  # along i, j, k
-    normal = np.linalg.inv(region.affine[:3, :3]).T @ gradient
-    length = np.maximum(np.linalg.norm(normal, axis=0), 1e-6)
-    return np.asarray(np.maximum(np.abs(gradient).sum(axis=0) / length, 1e-6))
+def _within_scan(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Part (n_k, n_j, n_i) of each voxel that lies between the outermost centres; an axis of one is a voxel thick."""
+    ends = [np.where((np.arange(n) % max(n - 1, 1) == 0) & (n > 1), np.float32(0.5), np.float32(1)) for n in shape]
+    return np.asarray(ends[0][:, None, None] * ends[1][:, None] * ends[2])
+
+
+def _shares_inside(region: Region, voxels: NDArray[Any]) -> NDArray[np.float64]:
+    """Part (n, 8) of each eighth of voxels, by their flat indices, that is inside: as if distances were linear in it.
+
+    An eighth lies in one cell between voxel centres, where the distance is trilinear: its middle and its change along
+    each axis are means over its corners.
+    """
+    at = np.unravel_index(voxels, region.mask.shape)
+    k, j, i = (index[:, None] + _CORNERS[axis] for index, axis in zip(at, (2, 1, 0), strict=True))
+    at_corners = map_coordinates(region.distance_mm, (k, j, i), np.float64, order=1, mode="nearest")
+    corners = at_corners.reshape(-1, 3, 3, 3)
+    middle, change = corners, np.zeros((len(voxels), 2, 2, 2))
+    for axis in (1, 2, 3):
+        middle, along = _pairs(middle, axis)[0], corners
+        for other in (1, 2, 3):
+            along = _pairs(along, other)[int(other == axis)]
+        change += np.abs(along)
+    return np.asarray(np.clip(0.5 - middle / np.maximum(change, 1e-6), 0, 1).reshape(-1, 8))
+
+
+def _pairs(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Means and differences of neighbours along an axis."""
+    line = np.moveaxis(values, axis, 0)
+    return np.moveaxis((line[:-1] + line[1:]) / 2, 0, axis), np.moveaxis(line[1:] - line[:-1], 0, axis)
