@@ -10,12 +10,20 @@ node; those along v and u make n_w / N and n_v n_w / N^2 as many numbers of n co
     128^3         1 + 0.64 + 0.41 = 2.05        1 + 0.28 + 0.08 = 1.36
 
 A cubic 128^3 at 200^3 thus costs 1.6 times the paper's control by operations alone, degree 5 half as much again, and
-1.26 times by bytes, since its control points are a fourth of its nodes and lie in no cache. To these comes what the
-pass along u pays for spans that do not lie side by side (control points are turned so that lanes are rows, and turned
-back). The paper's patch itself goes at the speed of memory, 5 ms of a core for 200^3 on Zen 5 by PoCL, so that whatever
-another adds is seen: by processor time 64^3 takes 1.1 to 1.6 times as long, 128^3 1.4, 1.8, 1.9, 2.1 and 2.6 times for
-degrees 1 to 5, and 1.0 to 1.1 times at 460^3. A limit of 1.6 at 200^3 would leave 3 ms of a core for the first two
-passes of a cubic 128^3, 34 million numbers of 4 products each, and for reading 34 MB. The peer ``cubic 20x24x46`` is
+1.26 times by bytes, since its control points are a fourth of its nodes and lie in no cache. The paper's patch itself
+goes near the speed of memory, 4.6 ms of processor for 200^3 on two cores of Zen 5 by PoCL, 3 of them its stores, so that
+whatever another adds is seen. By processor time, degrees 1 to 5 (300^3: 1, 3, 4 and 5; 460^3: 1, 3 and 5), in turn with
+the paper's patch on a busy machine:
+
+    control  200^3 nodes                   300^3 nodes             460^3 nodes
+    64^3     1.09, 1.14, 1.19, 1.24, 1.31
+    128^3    1.43, 1.65, 1.78, 1.93, 2.15  1.13, 1.39, 1.28, 1.57  1.07, 1.16, 1.40
+
+At 200^3 a limit of 1.6 leaves 2.8 ms for what 128^3 adds, and degree 3 adds 3.6, degree 5 5.3 ms: reading 34 MB at 45
+GB/s a core 0.7 ms; 0.8 million vectors of 16 along u, each the sum of degree + 1 products of lanes picked at a cycle or
+more apiece, 1 to 1.7 ms (timed by doing the pass twice); 1.3 million vectors along v, written to the second cache at
+about 5 cycles each, 1.5 ms; and in the last pass degree + 1 planes of the second cache for every 1.6 planes of nodes,
+where the paper's patch reads 4 for 4.7: up to 4 cycles a vector more for degree 5. The peer ``cubic 20x24x46`` is
 the paper's patch at as many nodes, timed in turn with each.
 
 Peers: ``scipy float64`` is SciPy's sparse design matrices applied axis by axis as they come, 40 to 50 million nodes a

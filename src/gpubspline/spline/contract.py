@@ -15,6 +15,7 @@ PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work ite
 RING_BYTES = 400 << 10  # planes that wait for the last pass: half of a core's second cache or less
 SPARE_PLANES = 3  # of them, where reading them bounds the last pass: several spans are made of what is read once
 SPARE_DEGREE = 5  # from which it does: 0.86 of the time with, 1.1 to 1.2 times for lower ones
+SPARE_ROWS = 32  # of a band, below which the rows that two bands both make cost more
 ITEMS_PER_CORE = 4  # so that cores which are held up leave work to others
 MOST_LANES = 32
 
@@ -68,8 +69,10 @@ def _contract_solid(
 ) -> tuple[Buffer, int]:
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
     (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
-    n_planes = degrees[2] + 1 + (SPARE_PLANES if degrees[2] >= SPARE_DEGREE else 0)
-    band = _evenly(counts[1], max(RING_BYTES // (n_planes * counts[0] * device.real.itemsize), 1))
+    row_bytes, n_planes = counts[0] * device.real.itemsize, degrees[2] + 1
+    if degrees[2] >= SPARE_DEGREE and RING_BYTES >= (n_planes + SPARE_PLANES) * SPARE_ROWS * row_bytes:
+        n_planes += SPARE_PLANES
+    band = _evenly(counts[1], max(RING_BYTES // (n_planes * row_bytes), 1))
     n_bands = -(-counts[1] // band)
     part = _evenly(counts[2], max(counts[2] * n_bands * n_channels // (ITEMS_PER_CORE * device.cores), 1))
     items = n_bands * -(-counts[2] // part) * n_channels
