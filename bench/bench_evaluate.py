@@ -11,9 +11,9 @@ node; those along v and u make n_w / N and n_v n_w / N^2 as many numbers of n co
 
 A cubic 128^3 at 200^3 thus costs 1.6 times the paper's control by operations alone, degree 5 half as much again, and
 1.26 times by bytes, since its control points are a fourth of its nodes and lie in no cache. The paper's patch itself
-goes near the speed of memory, 4.6 ms of processor for 200^3 on two cores of Zen 5 by PoCL, 3 of them its stores, so that
-whatever another adds is seen. By processor time, degrees 1 to 5 (300^3: 1, 3, 4 and 5; 460^3: 1, 3 and 5), in turn with
-the paper's patch on a busy machine:
+goes near the speed of memory, 4.6 ms of processor for 200^3 on two cores of Zen 5 by PoCL, 3 of them its stores, so
+that whatever another adds is seen. By processor time, degrees 1 to 5 (300^3: 1, 3, 4 and 5; 460^3: 1, 3 and 5), in turn
+with the paper's patch on a busy machine:
 
     control  200^3 nodes                   300^3 nodes             460^3 nodes
     64^3     1.09, 1.14, 1.19, 1.24, 1.31

@@ -70,7 +70,8 @@ def _contract_solid(
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
     (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
     row_bytes, n_planes = counts[0] * device.real.itemsize, degrees[2] + 1
-    if degrees[2] >= SPARE_DEGREE and RING_BYTES >= (n_planes + SPARE_PLANES) * SPARE_ROWS * row_bytes:
+    spared_bytes = (n_planes + SPARE_PLANES) * SPARE_ROWS * row_bytes
+    if degrees[2] >= SPARE_DEGREE and spared_bytes <= RING_BYTES:
         n_planes += SPARE_PLANES
     band = _evenly(counts[1], max(RING_BYTES // (n_planes * row_bytes), 1))
     n_bands = -(-counts[1] // band)
