@@ -13,6 +13,7 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import GpubsplineWarning, InputError, MeshError, NoSectionsError
 from gpubspline.mesh.blocks.curved import curve
+from gpubspline.mesh.blocks.lay import MOST_LOST
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
@@ -65,10 +66,14 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Meshed:
-    """A mesh with HU at nodes where there is a CT, and what its method reports: figures for the summary."""
+    """A mesh with HU at nodes where there is a CT, and what its method reports: figures for the summary.
+
+    ``least_mm``: distance from the mesh from which parts of the region are left out, by the size of its elements.
+    """
 
     mesh: Mesh
     figures: dict[str, Any] = field(default_factory=dict)
+    least_mm: float | None = None
 
 
 def implied(
@@ -253,7 +258,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     keeps = None if made.report.is_whole or parts else size_that_keeps_topology(body.region, size, device=device)
     warn_of_topology(made.report, keeps)
     warn_of_bodies(made.report.bodies, parts, size)
-    return Meshed(mesh, made.report.to_dict() | figures)
+    return Meshed(mesh, made.report.to_dict() | figures, MOST_LOST * size)
 
 
 def refuse_remnant(made: Blocks, region: Region) -> None:

@@ -67,8 +67,12 @@ def finish(
     clock: Clock,
     body: Body | None = None,
     patch: Hyperpatch | None = None,
+    least_mm: float | None = None,
 ) -> Model:
-    """Map the material onto a mesh, judge its elements and its distance from the body; without HU no material."""
+    """Map the material onto a mesh, judge its elements and its distance from the body; without HU no material.
+
+    ``least_mm``: distance from the mesh from which parts of the body are left out, as ``cover`` takes it.
+    """
     law, calibrated, alarms, optimized = None, None, None, None
     if sampling.optimize:
         with clock.stage("optimize"):
@@ -89,7 +93,9 @@ def finish(
         outside = alarms.outside if alarms is not None and alarms.of == "nodes" else None
         known: dict[str, Any] = {"out_of_range": outside, "distances": off, "certificate": certificate}
         counted = tally(mesh, quality, **known)
-        covered = cover(mesh, body.region, device) if body is not None and mesh.element.dimension == 3 else None
+        covered = None
+        if body is not None and mesh.element.dimension == 3:
+            covered = cover(mesh, body.region, device, least_mm)
     return Model(mesh, counted, sampling, law, alarms, calibrated, covered, optimized)
 
 
@@ -148,8 +154,6 @@ def summarise(
         figures["method"] = {"name": choice.method, "why": choice.why}
     found = {} if meshed is None else meshed.figures
     if body is not None and figures["lost_features"] is not None:
-        least = found.get("size_mm", 0.0)  # edges are rounded by less than an element
-        covered = [feature for feature in figures["lost_features"] if feature["out_mm"] > least]
-        lost = list_lost(found.get("lost_features", ()), covered, body.region)
+        lost = list_lost(found.get("lost_features", ()), figures["lost_features"], body.region)
         found = found | {"lost_features": lost}
     return figures | found

@@ -104,7 +104,7 @@ def make_model(
         figures = pipeline.summarise(model, device, clock, fitted, choice=choice)
     else:
         meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
-        model = pipeline.finish(meshed.mesh, sampling, device, clock, body)
+        model = pipeline.finish(meshed.mesh, sampling, device, clock, body, least_mm=meshed.least_mm)
         figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
     warn_of_shape(figures)
     return model, figures

@@ -63,24 +63,30 @@ class Coverage:
         }
 
 
-def cover(mesh: Mesh, region: Region, device: Device) -> Coverage:
+def cover(mesh: Mesh, region: Region, device: Device, least_mm: float | None = None) -> Coverage:
     """Measure what of a region a hex mesh covers.
 
+    ``least_mm``: distance from the mesh from which a part of the region is left out; None takes ``LEFT_OUT`` voxels.
     Raises InputError for quads.
     """
-    surface = mesh_surface(mesh)
     places, weights = surface_places(region)
-    distance, triangle = finder(surface, device).nearest(places)
-    outward = np.einsum("ij,ij->i", places - surface.corners[triangle, 0], surface.normals[triangle]) > 0
-    measured = distance.astype(np.float64)
+    measured, outward = find_outside(mesh, places, device)
     diagonal = float(np.linalg.norm(region.spacing_mm))
-    out = outward & (measured > LEFT_OUT * diagonal)
+    out = outward & (measured > (LEFT_OUT * diagonal if least_mm is None else least_mm))
     return Coverage(
         summarise_distances(measured, weights),
         _clusters(places[out], measured[out], 2 * diagonal),
         _off_surface(mesh, region, OFF * float(region.spacing_mm.mean()), device),
         (euler_of_mesh(mesh), euler_of_voxels(region.mask)),
     )
+
+
+def find_outside(mesh: Mesh, places: Floats, device: Device) -> tuple[Floats, NDArray[np.bool_]]:
+    """Distance (n,), mm, of places (n, 3) from the surface of a hex mesh, and whether they are outside it."""
+    surface = mesh_surface(mesh)
+    distance, triangle = finder(surface, device).nearest(places)
+    outward = np.einsum("ij,ij->i", places - surface.corners[triangle, 0], surface.normals[triangle]) > 0
+    return distance.astype(np.float64), outward
 
 
 def mesh_surface(mesh: Mesh) -> Surface:

@@ -1,7 +1,7 @@
 """From a level set to hexes: the core, the layer that grows from it to the zero level, the nodes moved."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
 from gpubspline.mesh.blocks.reach import CoreDistance, LostFeature, core_distance, lost_features
 from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport, OtherTopology
+from gpubspline.mesh.blocks.tips import draw_out, stand_out
 from gpubspline.mesh.blocks.topology import Difference, differences
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
@@ -84,6 +85,12 @@ class Grown:
         return lost_features(self.level, self.placed.reached)
 
     @cached_property
+    def farthest(self) -> float:
+        """How far the region's surface stands out of the mesh, in elements; 0 where it is no farther than allowed."""
+        hexes = self.placed.hexes
+        return float(stand_out(self.placed.points, hexes.cells, self.level.places, hexes.device)[1].max(initial=0.0))
+
+    @cached_property
     def bodies(self) -> tuple[BodyReport, ...]:
         """What is known of each of several bodies."""
         found, mm3 = [], self.level.size_mm**3
@@ -111,7 +118,7 @@ class Grown:
                 OtherTopology(_xyz(level.in_mm(place.at[None])[0]), place.what) for place in self.core.differences
             ),
             repaired_cells=self.core.flips,
-            off_surface_nodes=off_surface(points[sets["surface"]], self.placed.reached, level.size_mm),
+            off_surface_nodes=off_surface(points[sets["surface"]], self.placed.reached, level),
             lost_features=self.lost,
             attempts=(),
             bodies=self.bodies,
@@ -151,6 +158,8 @@ def grow(
     interfaces = find_interfaces(list((parts or {}).values()), held, core.cells, clamp=clamp)
     holding = Holding(hexes, held, core.distance if clamp else None, interfaces, device)
     placed = place_nodes(holding, level, effort, bulge=bulge)
+    if placed.nodes.least > 0:
+        placed = replace(placed, nodes=draw_out(placed.hexes, placed.nodes, level))
     if not (allow_inverted or placed.nodes.least > 0):
         raise MeshError(_inverted(placed.hexes.scaled_jacobian(placed.nodes.x), placed.points[hexes.cells], level))
     return Grown(level, core, body_volumes(level.phi, parts or {}), held.pairs, hexes, placed)
@@ -210,11 +219,15 @@ def _check_present(level: LevelSet, cells: Cells | Owners, parts: Mapping[str, P
             )
 
 
-def off_surface(points: NDArray[Any], reached: NDArray[Any], size_mm: float) -> dict[str, float]:
-    """How many of the points (n, 3), lattice coordinates, are off the zero level, and how far."""
+def off_surface(points: NDArray[Any], reached: NDArray[Any], level: LevelSet) -> dict[str, float]:
+    """How many of the points (n, 3), lattice coordinates, are off the zero level and off the region, and how far.
+
+    Nodes that are drawn out to a tip are on the region, whose level set leaves it out.
+    """
     off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
-    far = off > ON_SURFACE
-    return {"count": int(np.count_nonzero(far)), "max_mm": float(off[far].max(initial=0.0)) * size_mm}
+    far = np.flatnonzero(off > ON_SURFACE)
+    off = np.minimum(off[far], np.abs(level.region_distance(points[far])))
+    return {"count": int(np.count_nonzero(off > ON_SURFACE)), "max_mm": float(off.max(initial=0.0)) * level.size_mm}
 
 
 def _inverted(values: NDArray[Any], corners: NDArray[Any], level: LevelSet) -> str:

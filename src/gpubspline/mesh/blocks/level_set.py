@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
@@ -18,6 +18,7 @@ from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.bricks import Bricks, bricks_round
 from gpubspline.mesh.blocks.runs import runs_of
 from gpubspline.mesh.blocks.sampled import sample_near
+from gpubspline.mesh.coverage import surface_places
 
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -49,6 +50,9 @@ GROOVE = 0.25
 FARTHEST = 1.0
 """Most, in elements, that the zero level is moved for its volume."""
 
+NEAR, ON_REGION = 0.3, 0.05
+"""How near, in elements, a point must be to the region to be brought to it, and the step of differences for that."""
+
 BAND = 0.4
 """Half the width, in elements, of the band of samples that the surface's area is taken from."""
 
@@ -63,11 +67,13 @@ class LevelSet:
         every third sample is a corner of lattice cells.
     size_mm: of an element.
     to_mm: (4, 4) float64, lattice coordinates to LPS mm: a rotation times ``size_mm``, and a shift.
+    region: that it is of, where its thin tips are to be followed.
     """
 
     phi: NDArray[np.float32]
     size_mm: float
     to_mm: Floats
+    region: Region | None = None
 
     @property
     def cells(self) -> tuple[int, int, int]:
@@ -84,6 +90,33 @@ class LevelSet:
     def axes(self) -> Floats:
         """Rotation (3, 3), columns are the lattice's axes."""
         return np.asarray(self.to_mm[:3, :3] / self.size_mm)
+
+    @cached_property
+    def places(self) -> Floats:
+        """Places (p, 3) on the surface of the region, lattice coordinates; none where it is not known."""
+        if self.region is None:
+            return np.empty((0, 3))
+        inverse = np.linalg.inv(self.to_mm)
+        return np.asarray(surface_places(self.region)[0] @ inverse[:3, :3].T + inverse[:3, 3])
+
+    def region_distance(self, points: NDArray[Any]) -> Floats:
+        """Signed distance (n,), in elements, of the region at lattice coordinates (n, 3); infinite if unknown."""
+        if self.region is None:
+            return np.full(len(points), np.inf)
+        inverse = np.linalg.inv(self.region.affine)
+        at = self.in_mm(points) @ inverse[:3, :3].T + inverse[:3, 3]
+        return np.asarray(
+            map_coordinates(self.region.distance_mm, at[:, ::-1].T, order=1, mode="nearest") / self.size_mm
+        )
+
+    def on_region(self, point: Floats) -> Floats:
+        """Bring a point (3,), lattice coordinates, to the region's surface, if that is near."""
+        steps, at = ON_REGION * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]), point
+        for _ in range(4):
+            values = self.region_distance(at + steps)
+            slope = (values[1:4] - values[4:]) / (2 * ON_REGION)
+            at = at - values[0] * slope / max(float(slope @ slope), 0.1)
+        return at if np.linalg.norm(at - point) < NEAR else point
 
     def in_mm(self, points: NDArray[Any]) -> Floats:
         """LPS mm (n, 3) of lattice coordinates (n, 3)."""
@@ -158,7 +191,7 @@ def level_set(
     n_k, n_j, n_i = (SAMPLES * n + 1 for n in lattice_cells(region, size_mm, rotation))
     bricks, phi = _sampled(region, frame, (n_k, n_j, n_i), size_mm, closing, device)
     phi = _smooth(bricks, close_cracks(bricks, phi, closing), smoothing * SAMPLES)
-    return LevelSet(_one_body(bricks.field(phi), region, size_mm), size_mm, frame)
+    return LevelSet(_one_body(bricks.field(phi), region, size_mm), size_mm, frame, region)
 
 
 def bulged(phi: Field) -> Field:

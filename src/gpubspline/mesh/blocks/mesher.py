@@ -12,9 +12,10 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.lay import Failure, Laid, in_turn, lay
+from gpubspline.mesh.blocks.lay import MOST_LOST, Failure, Laid, in_turn, lay
 from gpubspline.mesh.blocks.level_set import LevelSet, Part
 from gpubspline.mesh.blocks.result import Attempt, Blocks
+from gpubspline.mesh.blocks.tips import TINY
 from gpubspline.mesh.improve import POOR, Effort
 
 ATTEMPTS = 6
@@ -28,9 +29,6 @@ MOST_TRIED = 20_000
 
 MOST_MENDED = 100_000
 """Hexes, of all attempts, from which no other place is tried where the worst is poor, but none is inverted."""
-
-TINY = 0.03
-"""A hex whose least determinant is a smaller part of its mean one is poor, whatever its angles."""
 
 FINER, MOST_LAID = (0.8, 0.65, 0.5), 250_000
 """Parts of an element's size that are tried for one which keeps a region's topology, and how many cells there may be.
@@ -134,11 +132,16 @@ def size_that_keeps_topology(
 
 def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:
     """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
-    return not _is_poor(made), -laid.wrong, -(_most_off(made) // MOST_OFF), made.placed.nodes.least
+    return not _is_poor(made), -laid.wrong - _lost(made), -(_most_off(made) // MOST_OFF), made.placed.nodes.least
 
 
 def _is_poor(made: Grown) -> bool:
     return made.placed.nodes.least < POOR or made.least_determinant < TINY
+
+
+def _lost(made: Grown) -> float:
+    """By how many elements the region stands out of the mesh, where that is more than allowed."""
+    return made.farthest if made.farthest > MOST_LOST else 0.0
 
 
 def _most_off(made: Grown) -> float:
@@ -151,7 +154,7 @@ def _is_enough(best: Grown, made_hexes: int) -> bool:
     if _is_poor(best):
         return made_hexes >= MOST_MENDED and best.placed.nodes.least > 0
     good = best.placed.nodes.least >= (POOR if best.volumes else GOOD) and _most_off(best) <= MOST_OFF
-    return made_hexes >= MOST_TRIED or good
+    return made_hexes >= MOST_TRIED or (good and not _lost(best))
 
 
 def mesh_level_set(

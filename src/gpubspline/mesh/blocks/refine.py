@@ -61,7 +61,7 @@ def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
         made.report,
         size_mm=made.report.size_mm / times,
         min_scaled_jacobian=best.least,
-        off_surface_nodes=off_surface(points[sets["surface"]] / times, phi / times, made.report.size_mm),
+        off_surface_nodes=off_surface(points[sets["surface"]] / times, phi / times, surface),
     )
     placed = surface.in_mm(points / times).astype(made.mesh.points.dtype)
     return replace(made, mesh=replace(mesh, points=placed, node_sets=sets), report=report)
