@@ -36,7 +36,7 @@ def test_agrees_with_scipy(any_device: Device, shape: tuple[int, int, int], clam
 def test_bricks_of_a_lattice_agree_with_scipy(any_device: Device, shape: tuple[int, int, int]) -> None:
     """A distance on a turned lattice that reaches beyond the volume, where its planes bound what is inside."""
     rng = np.random.default_rng(4)
-    volume, edge, gap = rng.uniform(-1, 1, shape), 9, np.array([0.5, 2.0, 1.25])
+    volume, edge, gap = rng.uniform(-8, 8, shape), 9, np.array([0.5, 2.0, 1.25])
     matrix = np.column_stack([rng.uniform(-0.4, 0.4, (3, 3)), np.array(shape[::-1]) / 3])
     corners = np.array([[0, 9, 0], [18, 0, 9]], dtype=np.int32)
     out = any_device.empty((2, edge, edge, edge))

@@ -32,7 +32,7 @@ SHARP_DEGREES = 60.0
 """Angle between the normals of two faces from which their edge is kept: nodes go along it, not across. A node at which
 such edges turn by as much stays."""
 
-CUTS, PIECES = (1, 8), 400_000
+CUTS, PIECES = (1, 16), 2_000_000
 """Least and most parts that each edge of a face is cut into, and triangles wanted."""
 
 
