@@ -36,7 +36,7 @@ BRIDGED = 0.05
 REMNANT = 0.5
 """Of the region: a mesh of blocks that holds less is none of it."""
 
-SECONDS_PER_HEX = 2.5e-4
+SECONDS_PER_HEX = 1.5e-4
 """What a hex of blocks takes on two cores without others, about: measured from ten thousand to a million."""
 
 LONG_S, FEWER = 90.0, 50_000
