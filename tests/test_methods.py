@@ -7,14 +7,17 @@ import meshio
 import numpy as np
 import pytest
 
+from gpubspline import methods
 from gpubspline.clock import Clock
 from gpubspline.ct.region import region_from_threshold
 from gpubspline.ct.volume import Volume
+from gpubspline.device import open_device
 from gpubspline.errors import GpubsplineWarning, InputError, MeshError
 from gpubspline.material.assign import Mapping
 from gpubspline.material.registry import law
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.result import BlocksReport, OtherTopology
+from gpubspline.mesh.element_size import size_of
 from gpubspline.mesh.quality import assess
 from gpubspline.methods import (
     Choice,
@@ -167,6 +170,16 @@ def test_methods_mesh_what_they_were_chosen_for(level, device):
     assert quality.inverted == 0 and mesh.n_elements == pytest.approx(2500, rel=0.15)
     assert mesh.volume_mm3 == pytest.approx(body.region.volume_mm3, rel=0.03)
     assert 500 < np.median(mesh.fields["HU"]) <= 1000
+
+
+def test_blocks_are_made_again_where_their_number_is_not_the_one_asked_for(monkeypatch):
+    """A size found for a place of the lattice that is not the one taken."""
+    device, body = open_device("opencl"), body_of(bean)
+    monkeypatch.setattr(methods, "size_for", lambda region, elements, device: size_of(region, int(elements * 1.5)))
+    meshing, sampling = Meshing(method="blocks", elements=900), Sampling(law())
+    chosen = choose(body, meshing, Shaping(), sampling, "z", device)
+    made = mesh_body(body, chosen, meshing, sampling, device, Clock())
+    assert made.mesh.n_elements == pytest.approx(900, rel=0.1)
 
 
 def test_the_tensor_method_warns_of_bridges():

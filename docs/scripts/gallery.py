@@ -42,6 +42,12 @@ BODIES = {
         ["--threshold", "-200", "--fill", "volume", "--size", "5"],
         "z",
     ),
+    "head in a tilted gantry, skin": (
+        ["dicom_tilt"],
+        ["--threshold", "-200", "--elements", "10000"],
+        "x",
+    ),
+    "hips, JPEG 2000, skin": (["dicom_j2k"], ["--threshold", "-200", "--elements", "10000"], "z"),
     "adult femur, the phantom": (["PHANTOM"], ["--elements", "14000"], "y"),
 }
 
@@ -49,10 +55,13 @@ BODIES = {
 def draw(data: Path, path: Path) -> None:
     """Mesh every body and draw the cuts side by side."""
     colours, _ = quantity("scaled_jacobian").scale(np.array([0.0, 1.0]))
-    figure, panels = plt.subplots(1, len(BODIES), figsize=(15, 3.6), layout="constrained")
+    figure, grid = plt.subplots(2, -(-len(BODIES) // 2), figsize=(15, 7), layout="constrained")
+    panels = grid.ravel()
+    for unused in panels[len(BODIES) :]:
+        unused.axis("off")
     with tempfile.TemporaryDirectory() as folder:
         gb.write_phantom("adult-femur", Path(folder) / "PHANTOM")
-        for panel, (title, (inputs, options, clip)) in zip(panels, BODIES.items(), strict=True):
+        for panel, (title, (inputs, options, clip)) in zip(panels, BODIES.items(), strict=False):
             words = [w if w.startswith("--") else str((Path(folder) if w == "PHANTOM" else data) / w) for w in inputs]
             made = Path(folder) / "mesh.vtu"
             command = [sys.executable, "-m", "gpubspline", "mesh", *words, *options, "--method", "blocks"]
@@ -61,7 +70,7 @@ def draw(data: Path, path: Path) -> None:
             _draw_cut(panel, mesh, "xyz".index(clip), colours)
             least = mesh.cell_fields["scaled_jacobian"].min()
             panel.set_title(f"{title}\n{mesh.n_elements:,} hexes, worst {least:.2f}", fontsize=10)
-    figure.colorbar(colours, ax=panels, label="scaled Jacobian", fraction=0.012, pad=0.01)
+    figure.colorbar(colours, ax=grid, label="scaled Jacobian", fraction=0.012, pad=0.01)
     figure.savefig(path, dpi=90)
 
 

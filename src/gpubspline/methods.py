@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ BRIDGED = 0.05
 
 REMNANT = 0.5
 """Of the region: a mesh of blocks that holds less is none of it."""
+
+MOST_OFF_COUNT = 0.1
+"""Of the number of hexes asked for, beyond which they are made again in another size."""
 
 SECONDS_PER_HEX = 1.5e-4
 """What a hex of blocks takes on two cores without others, about: measured from ten thousand to a million."""
@@ -242,7 +246,8 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         raise InputError(f"expected hex8 with --refine, got {element}, whose curved edges follow the surface already")
     foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
-    made = blocks_mesh(body.region, size, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
+    made = _counted(body.region, size, parts, meshing, device)
+    size = made.report.size_mm
     refuse_remnant(made, body.region)
     made = refine(made, meshing.refine, device=device)
     mesh, figures = (made.mesh, {}) if element == "hex8" else _curved(made, element, device)
@@ -352,6 +357,22 @@ def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, i
     if body.labels is None or body.whole is None or body.volume is None or not (meshing.conforming and body.one_grid):
         return {}, {}
     return parts_of(body.region, body.volume, body.labels, body.whole)
+
+
+def _counted(region: Region, size_mm: float, parts: Mapping[str, Region], meshing: Meshing, device: Device) -> Blocks:
+    """Mesh by blocks; once more where the place taken has another number of hexes than was asked for.
+
+    Hexes are counted in one place of the lattice before they are made: those of thin walls differ from place to place.
+    """
+    make = partial(blocks_mesh, region, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
+    made, asked = make(size_mm), meshing.elements
+    if asked is None or abs(made.mesh.n_elements / asked - 1) <= MOST_OFF_COUNT:
+        return made
+    try:
+        again = make(size_mm * float(made.mesh.n_elements / asked) ** (1 / 2.7))
+    except MeshError:
+        return made
+    return min(made, again, key=lambda mesh: abs(mesh.mesh.n_elements - asked))
 
 
 def blocks_size(region: Region, meshing: Meshing, device: Device) -> float:
