@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gpubspline import methods
+from gpubspline.cautions import foretell, warn_of_bridges, warn_of_topology, warn_of_volume
 from gpubspline.clock import Clock
 from gpubspline.ct.region import region_from_threshold
 from gpubspline.ct.volume import Volume
@@ -19,18 +20,7 @@ from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.result import BlocksReport, OtherTopology
 from gpubspline.mesh.element_size import size_of
 from gpubspline.mesh.quality import assess
-from gpubspline.methods import (
-    Choice,
-    choose,
-    foretell,
-    implied,
-    is_row_convex,
-    mesh_body,
-    refuse_remnant,
-    warn_of_bridges,
-    warn_of_topology,
-    warn_of_volume,
-)
+from gpubspline.methods import Choice, choose, implied, is_row_convex, mesh_body, refuse_remnant
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 
 

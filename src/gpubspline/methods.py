@@ -1,14 +1,14 @@
 """By which of three methods a body is meshed: rows of one patch, five patches a section, or blocks of any topology."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gpubspline.cautions import foretell, warn_of_bodies, warn_of_topology
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
@@ -18,42 +18,24 @@ from gpubspline.mesh.blocks.lay import MOST_LOST
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
-from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport
+from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
-from gpubspline.mesh.element_size import ACROSS, about_elements, default_size, size_for, size_of
+from gpubspline.mesh.element_size import default_size, size_for
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.thickness import Thickness, measure_thickness
+from gpubspline.mesh.thickness import thinnest
 from gpubspline.recipe import Body, Meshing, Sampling, Shaping
 from gpubspline.spline.lattice import SMOOTHING, surface_hu
 from gpubspline.spline.reformat import stack
 
 METHODS = ("auto", "tensor", "butterfly", "blocks")
 
-BRIDGED = 0.05
-"""Relative difference of volumes of mesh and region from which the tensor method warns."""
-
 REMNANT = 0.5
 """Of the region: a mesh of blocks that holds less is none of it."""
 
 MOST_OFF_COUNT = 0.1
 """Of the number of hexes asked for, beyond which they are made again in another size."""
-
-SECONDS_PER_HEX = 1.5e-4
-"""What a hex of blocks takes on two cores without others, about: measured from ten thousand to a million."""
-
-LONG_S, FEWER = 90.0, 50_000
-"""Time from which it is said before the work, and the hexes that are offered instead."""
-
-BODY_OFF, LISTED = 0.02, 12
-"""Relative difference of a label's volume from which is warned, and the most labels that are named."""
-
-NAMED = 3
-"""Most places of another topology that are named."""
-
-MOST_FINER = 0.5
-"""Part of an element below which a feature is too thin to ask for hexes that follow it."""
 
 MOST_BLOCKS = 1 << 26
 """Hexes of a mesh of blocks: the grid that they are cut from has SAMPLES^3 points each, numbered by 32 bits."""
@@ -271,18 +253,11 @@ def refuse_remnant(made: Blocks, region: Region) -> None:
     share = made.mesh.volume_mm3 / region.volume_mm3
     if share < REMNANT:
         lost = made.report.lost_features
-        place = ", ".join(f"{x:.4g}" for x in (lost[0].place_mm if lost else _thinnest(region)[1]))
+        place = ", ".join(f"{x:.4g}" for x in (lost[0].place_mm if lost else thinnest(region)[1]))
         raise MeshError(
             f"expected hexes of {made.report.size_mm:.3g} mm to fill the region, got {share:.0%} of it: it is thinner "
             f"than they are, as at ({place}) mm; ask for a smaller size or close the region's pores first"
         )
-
-
-def _thinnest(region: Region) -> tuple[Thickness, NDArray[np.float64]]:
-    """Thickness of a region, and a place (3,), mm, among the thinnest twentieth."""
-    thin = measure_thickness(region)
-    order = np.argsort(thin.thickness_mm, kind="stable")
-    return thin, thin.places_mm[order[int(0.05 * len(order))]]
 
 
 def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str, Any]]:
@@ -296,60 +271,6 @@ def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str,
             stacklevel=2,
         )
     return curved.sample(1, element), {"held_back_nodes": held}
-
-
-def foretell(region: Region, size_mm: float, clock: Clock) -> None:
-    """Say how many blocks there will be, about, and where they take more than a minute how long, and what takes less.
-
-    Voxels count more faces than smooth surfaces have: porous bodies come out smaller.
-    """
-    elements = about_elements(region, size_mm)
-    seconds = elements * SECONDS_PER_HEX
-    clock.tell(f"about {elements:,.0f} hexes, {max(seconds, 1):,.0f} s")
-    if seconds > LONG_S:
-        warnings.warn(
-            f"about {elements:,.0f} hexes of {size_mm:.3g} mm take some {seconds / 60:.0f} minutes; "
-            f"--size {size_of(region, FEWER):.3g} gives about {FEWER:,}",
-            GpubsplineWarning,
-            stacklevel=2,
-        )
-
-
-def warn_of_topology(report: BlocksReport, keeps_mm: float | None) -> None:
-    """Warn where the mesh has other bodies, tunnels or cavities than the region: what it does where, and what does not.
-
-    ``keeps_mm`` is a size that keeps the topology, where one is known.
-    """
-    if report.is_whole:
-        return
-    places = [f"{place.what} at ({', '.join(f'{x:.4g}' for x in place.place_mm)}) mm" for place in report.topology]
-    named, rest = places[:NAMED], len(places) - NAMED
-    more = f", and {rest} more, which the summary lists" if rest > 0 else ""
-    finer = f"a --size below {report.size_mm:.3g} mm may follow what is thinner than an element there"
-    warnings.warn(
-        f"the mesh has other tunnels or cavities than the region (Euler characteristic {report.euler['mesh']}, not "
-        f"{report.euler['region']}): it {', '.join(named)}{more}; "
-        + (finer if keeps_mm is None else f"--size {keeps_mm:.3g} keeps the topology"),
-        GpubsplineWarning,
-        stacklevel=2,
-    )
-
-
-def warn_of_bodies(bodies: Sequence[BodyReport], parts: Mapping[str, Region], size_mm: float) -> None:
-    """Warn of labels whose hexes do not have their volume, the farthest off by name, with where it is thinnest."""
-    off = [body for body in bodies if abs(body.off) > BODY_OFF]
-    if not off:
-        return
-    worst = max(off, key=lambda body: abs(body.off))
-    thin, (x, y, z) = _thinnest(parts[worst.name])
-    names = ", ".join(f"{body.name} {body.off:+.1%}" for body in off[:LISTED])
-    warnings.warn(
-        f"volumes of labels are off: {names}; {worst.name} is {thin.least():.2g} mm thin at "
-        f"({x:.1f}, {y:.1f}, {z:.1f}) mm and below {thin.least(0.5):.2g} mm in half of its places, where two elements "
-        f"need {2 * size_mm:.3g}: a smaller --size follows it, or join it to another label",
-        GpubsplineWarning,
-        stacklevel=2,
-    )
 
 
 def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, int]]:
@@ -380,61 +301,3 @@ def blocks_size(region: Region, meshing: Meshing, device: Device) -> float:
     if meshing.size_mm is not None:
         return meshing.size_mm
     return default_size(region) if meshing.elements is None else size_for(region, meshing.elements, device)
-
-
-def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
-    """Warn where rows bridge gaps: a mesh of the tensor method that is not as large as its region."""
-    off = mesh_mm3 / region_mm3 - 1
-    if np.isfinite(off) and abs(off) > BRIDGED:
-        more = "more" if off > 0 else "less"
-        warnings.warn(
-            f"the tensor mesh fills {abs(off):.0%} {more} than the region: its rows cross gaps or miss parts of it; "
-            "--method butterfly or blocks follow the surface",
-            GpubsplineWarning,
-            stacklevel=2,
-        )
-
-
-def warn_of_volume(mesh_mm3: float, region_mm3: float, size_mm: float) -> None:
-    """Warn where a mesh of blocks fills gaps that its elements are too large for, or leaves out what is too thin."""
-    off = mesh_mm3 / region_mm3 - 1
-    if np.isfinite(off) and abs(off) > BRIDGED:
-        what = (
-            f"fills {off:.0%} more than the region: pores and gaps narrower than its elements of {size_mm:.3g} mm are "
-            "closed; a smaller --size keeps them open"
-            if off > 0
-            else f"fills {-off:.0%} less than the region: what is thinner than its elements of {size_mm:.3g} mm is "
-            "left out; a smaller --size follows it"
-        )
-        warnings.warn(
-            f"the mesh {what}",
-            GpubsplineWarning,
-            stacklevel=2,
-        )
-
-
-def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None, less: float = 0.0) -> None:
-    """Warn of parts of the region that the mesh leaves out, the farthest by name, and say what follows it.
-
-    ``less``: part of the region's volume that the mesh lacks, which is told where it is large.
-    """
-    if not lost:
-        return
-    worst = max(lost, key=lambda feature: float(feature["out_mm"]))
-    place = ", ".join(f"{x:.1f}" for x in worst["place_mm"])
-    thick, finer = worst.get("thickness_mm"), ""
-    if size_mm is not None:
-        finer = f"; a --size below {size_mm:.3g} mm follows thinner features"
-        if thick is not None and thick < ACROSS * size_mm:
-            finer = "; --smooth, or a mask without it, takes it away"
-            if thick > MOST_FINER * size_mm:
-                finer = f"; a --size of {thick / ACROSS:.2g} mm follows it"
-    what = "a part of the region is" if len(lost) == 1 else f"{len(lost)} parts of the region are"
-    if less > BRIDGED:
-        what = f"{less:.0%} of the region's volume and {what}"
-    where = f"at ({place}) mm" + (f", where it is {thick:.2g} mm thick" if thick is not None else "")
-    warnings.warn(
-        f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh {where}{finer} (--features draws where)",
-        GpubsplineWarning,
-        stacklevel=2,
-    )

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from gpubspline.cautions import warn_of_lost
 from gpubspline.cli.solid import warn_of_shape
 from gpubspline.ct.region import Region
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.element_size import default_size
 from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.thickness import measure_thickness
-from gpubspline.methods import warn_of_lost
 from gpubspline.report.features import draw_features, write_features
 
 

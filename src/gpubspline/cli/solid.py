@@ -149,7 +149,7 @@ def find_any_body(
 
 def warn_of_shape(figures: dict[str, Any]) -> None:
     """Warn of gaps that a mesh bridges or closes, and of parts of the body that it leaves out."""
-    from gpubspline.methods import warn_of_bridges, warn_of_lost, warn_of_volume
+    from gpubspline.cautions import warn_of_bridges, warn_of_lost, warn_of_volume
 
     lost, size_mm, less = figures["lost_features"] or [], figures["size_mm"], 0.0
     if figures["method"]["name"] == "tensor":
