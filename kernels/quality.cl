@@ -69,12 +69,14 @@ inline void quad_corners(const point *p, realv *corner)
     corner[3] = det3(normal, e2, e3);
 }
 
+// No number where a node is none: then a corner of the edges at corner 0 is, or at corner 6, which have all nodes of a hex,
+// and all of a quad, by its normal.
 inline realv least(const realv *corner, int n_corners)
 {
     realv low = corner[0];
     for (int c = 1; c < n_corners; c++)
-        low = smaller(corner[c], low);
-    return low;
+        low = smaller(corner[c], low); // stays none where the first is
+    return n_corners == 8 ? low + (corner[6] - corner[6]) : low;
 }
 
 // Node `corner` of the cells first ... first + LANES - 1; lanes beyond the last cell repeat it. Nodes are x, y, z and a

@@ -135,6 +135,15 @@ def least4(a: Any, b: Any, c: Any, d: Any):
 
 
 @wp.func
+def least8(c0: Any, c1: Any, c2: Any, c3: Any, c4: Any, c5: Any, c6: Any, c7: Any):
+    """The least of a hex's corners; no number where a node is none.
+
+    Then corner 0 is, or corner 6, whose edges have all nodes of the hex; the least of the others would be some number.
+    """
+    return wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7)) + (c0 - c0) + (c6 - c6)
+
+
+@wp.func
 def corner_nodes(
     nodes: wp.array(dtype=Any),
     cells: wp.array(dtype=wp.int32),
@@ -211,7 +220,7 @@ def hex_scaled_jacobian(
 ):
     c = wp.min((wp.tid() + first) * lanes, n_cells - lanes)
     c0, c1, c2, c3, c4, c5, c6, c7 = corners_of_hexes(nodes, cells, c, out.dtype())
-    out[c] = wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7))
+    out[c] = least8(c0, c1, c2, c3, c4, c5, c6, c7)
 
 
 @wp.kernel(enable_backward=False, module="unique")

@@ -61,7 +61,8 @@ inline realv least_of_edge(__global const real *x, __global const real *y, __glo
 #define LEAST(c, i)                                                                                              \
     {                                                                                                            \
         point behind = {AHEAD(n##c.x, m##c.x), AHEAD(n##c.y, m##c.y), AHEAD(n##c.z, m##c.z)};                    \
-        low = smaller(least_of_edge(x, y, z, i, n##c, behind), low);                                             \
+        realv value = least_of_edge(x, y, z, i, n##c, behind);                                                   \
+        low = smaller(value, low), sum += value;                                                                 \
     }
 
 // Nodes n_u x n_v x n_w, u fastest; launched over (n_w - 1, n_v - 1, n_u - 1) cells.
@@ -81,12 +82,12 @@ void hex_scaled_jacobian(__global const real *x, __global const real *y, __globa
         FACE(n, at)
 #endif
         FACE(m, first + min(i + LANES, n_u - 1))
-        realv low = 2;
+        realv low = 2, sum = 0;
         LEAST(0, at)
         LEAST(1, at + n_u)
         LEAST(2, at + layer)
         LEAST(3, at + layer + n_u)
-        store(low, out, i, n_u - 1 - i);
+        store(low + (sum - sum), out, i, n_u - 1 - i); // no number where a node, and so its edge along u, is none
         n0 = m0, n1 = m1, n2 = m2, n3 = m3;
     }
 }

@@ -6,7 +6,7 @@ The OpenCL twin works out once what neighbours along u share; here the work item
 import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray
-from gpubspline.kernels.quality import hex_corners, least4
+from gpubspline.kernels.quality import hex_corners, least8
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -55,4 +55,4 @@ def hex_scaled_jacobian(
         y[d],
         z[d],
     )
-    out[(k * (n_v - 1) + j) * (n_u - 1) + i] = wp.min(least4(c0, c1, c2, c3), least4(c4, c5, c6, c7))
+    out[(k * (n_v - 1) + j) * (n_u - 1) + i] = least8(c0, c1, c2, c3, c4, c5, c6, c7)

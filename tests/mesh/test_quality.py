@@ -7,7 +7,9 @@ from gpubspline.errors import InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.optimize import optimize
 from gpubspline.mesh.quality import assess, corner_scaled_jacobian, launch_explicit, scaled_jacobian, summarise
+from gpubspline.mesh.validity import certify
 
 HEX_NEIGHBOURS = [(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)]
 
@@ -206,3 +208,35 @@ def test_values_on_and_over_the_edges_are_kept():
 def test_summary_of_other_elements_is_refused():
     with pytest.raises(InputError, match="198 elements"):
         summarise(smooth_mesh("quad4"), np.zeros(5))
+
+
+@pytest.mark.parametrize("element_type", ["quad4", "hex8"])
+def test_an_element_with_a_node_that_is_nowhere_is_not_judged_by_the_others(element_type, any_device):
+    """NaN and infinity, in each coordinate: the kernels give NaN, and a summary counts that as inverted."""
+    mesh = smooth_mesh(element_type, (60, 7, 6))
+    whole = scaled_jacobian(mesh, any_device)
+    planes = mesh.planes.copy()
+    wild = np.random.default_rng(5).choice(mesh.n_nodes, mesh.n_nodes // 20, replace=False)
+    planes[np.arange(len(wild)) % 3, wild] = np.resize([np.nan, np.inf, np.nan, -np.inf], len(wild))
+    bad = np.isin(mesh.cells, wild).any(axis=1)
+    points, values = [any_device.put(plane) for plane in planes], any_device.empty(mesh.n_elements)
+    kind = element_type[:-1]
+    named = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
+    any_device.launch(named, structure.element_counts(mesh.structure)[::-1], *points, *mesh.structure, values)
+    by_rows = np.array(any_device.get(values))
+    cells = any_device.put(mesh.cells)
+    launch_explicit(f"{kind}_scaled_jacobian", points, mesh.n_nodes, cells, mesh.n_elements, values, any_device)
+    for found in (by_rows, np.array(any_device.get(values))):
+        np.testing.assert_array_equal(np.isnan(found), bad)
+        np.testing.assert_allclose(found[~bad], whole[~bad], atol=1e-5)
+        summary = summarise(mesh, found)
+        assert summary.inverted == bad.sum() > 10 and summary.min == -1 and np.isfinite(summary.mean)
+
+
+@pytest.mark.parametrize("judge", [assess, corner_scaled_jacobian, certify, optimize])
+def test_a_mesh_with_a_node_that_is_nowhere_is_refused(judge, device):
+    mesh = smooth_mesh("hex8")
+    points = mesh.points.copy()
+    points[5, 1], points[7, 2] = np.nan, np.inf
+    with pytest.raises(InputError, match=f"finite coordinates, got NaN or infinity at 2 of {mesh.n_nodes} nodes"):
+        judge(Mesh(points, "hex8", structure=mesh.structure), device)

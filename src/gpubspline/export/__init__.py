@@ -168,9 +168,7 @@ _MATERIAL = re.compile(
 
 
 def _check_finite(mesh: Mesh) -> None:
-    if not np.isfinite(mesh.planes).all():
-        wild = int(np.count_nonzero(~np.isfinite(mesh.planes).all(axis=0)))
-        raise InputError(f"expected finite coordinates, got NaN or infinity at {wild} of {mesh.n_nodes} nodes")
+    mesh.check_finite()
     for name, values in {**mesh.fields, **mesh.cell_fields}.items():
         if not np.isfinite(values).all():
             bad = int(np.count_nonzero(~np.isfinite(values)))

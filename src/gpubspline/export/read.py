@@ -51,9 +51,7 @@ def read_mesh(path: str | Path) -> Mesh:
     extension = path.suffix.lower()
     mesh = _read_grid(path) if extension in (".vts", ".vtu", ".vtkhdf") else _read_binary(path, extension)
     mesh = _read_by_meshio(path) if mesh is None else mesh
-    wild = int(np.count_nonzero(~np.isfinite(mesh.planes).all(axis=0)))
-    if wild:
-        raise InputError(f"expected finite coordinates in {path.name}, got NaN or infinity at {wild} nodes")
+    mesh.check_finite(path.name)
     return _recognised(mesh)
 
 

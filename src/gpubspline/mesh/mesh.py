@@ -90,6 +90,15 @@ class Mesh:
             raise InputError(f"expected node numbers from 0 to {self.n_nodes - 1}, got {cells.min()} to {cells.max()}")
         object.__setattr__(self, "connectivity", cells)
 
+    def check_finite(self, known: str = "") -> None:
+        """Raise InputError where a node is nowhere: NaN or infinity; ``known``: what the mesh is called."""
+        wild = int(np.count_nonzero(~np.isfinite(self.planes).all(axis=0)))
+        if wild:
+            whose = f" in {known}" if known else ""
+            raise InputError(
+                f"expected finite coordinates{whose}, got NaN or infinity at {wild} of {self.n_nodes} nodes"
+            )
+
     @property
     def element(self) -> Element:
         """The element type: vertices, sides, shape functions."""

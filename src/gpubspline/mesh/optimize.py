@@ -78,7 +78,7 @@ def optimize(
 
     Raises
     ------
-    InputError where the mesh is of other elements, or the boundary is told to do something else.
+    InputError where the mesh is of other elements, a node is nowhere, or the boundary is told to do something else.
     """
     if mesh.element_type not in ("hex8", "quad4"):
         raise InputError(
@@ -87,6 +87,7 @@ def optimize(
         )
     if boundary not in ("slide", "stay"):
         raise InputError(f"expected the boundary to slide or stay, got {boundary!r}")
+    mesh.check_finite()
     effort = replace(effort or Effort(), few=0.0, loosen=False, **ANY_LENGTH)
     start = _Start(mesh, patch, device)
     moved, least = start.improved(start.points, start.held.at, boundary, effort)

@@ -27,6 +27,10 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     -------
     (m,) of the device's precision, -1..1; an element of 0 or less is inverted.
 
+    Raises
+    ------
+    InputError where a node is nowhere: NaN or infinity.
+
     Source: eqs 3.4 and 3.5 of the paper; Knupp 2000. VTK takes the hex's centre into the minimum too, which is below
     all corners only where a corner is negative already.
     """
@@ -34,8 +38,7 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     if mesh.structure is None:
         return np.asarray(device.get(_explicit(mesh, f"{kind}_scaled_jacobian", 1, device)))
     result = device.empty(mesh.n_elements)
-    corners = structure.corner_nodes(mesh.element, mesh.structure)
-    points = _put_points(mesh.planes if corners is None else mesh.planes[:, corners], device)
+    points = _put_points(mesh, device, structure.corner_nodes(mesh.element, mesh.structure))
     launched = structure.element_counts(mesh.structure)[::-1]
     kernel = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
     device.launch(kernel, launched, *points, *mesh.structure, result)
@@ -69,7 +72,7 @@ def launch_explicit(
 
 def _explicit(mesh: Mesh, kernel: str, n_planes: int, device: Device) -> Buffer:
     result = device.empty(n_planes * mesh.n_elements)
-    points, cells = _put_points(mesh.planes, device), device.put(_corner_cells(mesh))
+    points, cells = _put_points(mesh, device), device.put(_corner_cells(mesh))
     launch_explicit(kernel, points, mesh.n_nodes, cells, mesh.n_elements, result, device)
     return result
 
@@ -82,9 +85,13 @@ def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:
     return np.ascontiguousarray(mesh.cells[:, : mesh.element.n_corners])
 
 
-def _put_points(planes: NDArray[Any], device: Device) -> list[Buffer]:
-    """Coordinates from the middle of the mesh, where float32 has more digits to spare for an edge."""
-    return [device.put(plane - plane.mean(dtype=np.float64)) for plane in planes]
+def _put_points(mesh: Mesh, device: Device, corners: NDArray[Any] | None = None) -> list[Buffer]:
+    """Coordinates, of all nodes or some, from their middle, where float32 has more digits to spare for an edge."""
+    planes = mesh.planes if corners is None else mesh.planes[:, corners]
+    middle = planes.mean(axis=1, dtype=np.float64)
+    if not np.isfinite(middle).all():  # a node that is nowhere shows here, at no cost
+        mesh.check_finite()
+    return [device.put(plane - at) for plane, at in zip(planes, middle, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +157,15 @@ class Quality:
 def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
     """Summarise scaled Jacobians (m,) of a mesh, and say where its worst elements are.
 
+    An element that has no value, NaN, counts as inverted, with -1.
+
     Raises
     ------
     InputError where there is not one value per element, or no element.
     """
     if values.shape != (mesh.n_elements,) or values.size == 0:
         raise InputError(f"expected a scaled Jacobian for each of {mesh.n_elements} elements, got {values.shape}")
-    values = values.astype(np.float64)
+    values = np.where(np.isnan(values), -1.0, values.astype(np.float64))
     edges = np.arange(11) / 10
     bins = np.searchsorted(edges[1:-1], values[values > 0], side="left")
     order = _least(values, worst)

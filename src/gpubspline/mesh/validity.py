@@ -90,10 +90,11 @@ def certify(mesh: Mesh, device: Device) -> Validity:
 
     Raises
     ------
-    InputError for a mesh of quads.
+    InputError for a mesh of quads, or where a node is nowhere: NaN or infinity.
     """
     if mesh.element.dimension != 3:
         raise InputError(f"expected hexes to certify, got {mesh.element_type}")
+    mesh.check_finite()
     device = _in_float64(device)
     planes, rounding = _put(mesh, device)
     step = max(1, (_CACHED if device.cores else _CHUNK) // _order(mesh.element) ** 3)
