@@ -140,6 +140,8 @@ inline void store_int(intv v, __global int *p, size_t offset, int count)
 // line before it is overwritten.
 #if LANES > 1 && defined(__has_builtin)
 #if __has_builtin(__builtin_nontemporal_store)
+// All lanes to a place that is aligned to them.
+#define stream_all(v, p, offset) __builtin_nontemporal_store((realv)(v), (__global realv *)((p) + (offset)))
 #define PAST_CACHES(type, v, p, offset, count)                                             \
     if ((count) >= LANES && ((size_t)((p) + (offset)) & (sizeof(type) - 1)) == 0) {        \
         __builtin_nontemporal_store(v, (__global type *)((p) + (offset)));                 \
@@ -148,6 +150,7 @@ inline void store_int(intv v, __global int *p, size_t offset, int count)
 #endif
 #endif
 #ifndef PAST_CACHES
+#define stream_all store_all
 #define PAST_CACHES(type, v, p, offset, count)
 #endif
 

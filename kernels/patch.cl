@@ -79,19 +79,21 @@ void contract(__global const real *source, int n_control, int inner, __global co
 // holds those of a span too.
 #define BLOCK 8
 #define N_ROWS 16
+#define MOST_PLANES 16 // of the ring behind it
 
 // u axis of `count` rows of a plane, at most BLOCK, from `row` on, to their places in a ring. The spans of LANES
-// parameters lie in one vector of control points where `near` says so, else in as many as it takes.
-inline void contract_lines(int row, int count, __global const real *plane, int n_u, __global const int *span,
-                           __global const real *values, int degree, int n_out, bool near, __global real *rows,
-                           int row_size)
+// parameters lie in one vector of control points where `near` says so, else in as many as it takes. `next` are the rows
+// that the next call wants.
+inline void contract_lines(int row, int count, __global const real *from, __global const real *next, int n_u,
+                           __global const int *span, __global const real *values, int degree, int n_out, bool near,
+                           __global real *rows, int row_size)
 {
     __global real *to[BLOCK];
     for (int r = 0; r < count; r++)
         to[r] = rows + (uint)(row + r) % N_ROWS * row_size;
-    __global const real *from = plane + (size_t)row * n_u;
     for (int i = 0; i < n_out; i += LANES) {
-        fetch(from + count * n_u, i * BLOCK, i < n_u ? LANES * BLOCK : 0); // the rows that the next call wants
+        if (i < n_u)
+            fetch(next, i * BLOCK, LANES * BLOCK);
         maskv given = to_maskv(LANE_NUMBERS < n_out - i);
         intv first = load_int(span, i) - degree;
 #define WEIGHTS(a) (a <= degree ? select((realv)0, load(values, (size_t)min(a, degree) * n_out + i), given) : 0)
@@ -130,37 +132,33 @@ inline bool spans_are_near(__global const int *span, int degree, int n_out)
     return near;
 }
 
-// The sum of degree + 1 rows of `count` numbers by the weights of one parameter.
-inline void sum_rows(int degree, __global const real *const *rows, __global const real *values, int n_out, int count,
-                     __global real *to, bool large)
+// The sum of degree + 1 rows of `count` numbers, from `at` on in each, by the weights of one parameter.
+inline void sum_rows(int degree, __global const real *const *rows, size_t at, __global const real *values, int n_out,
+                     int count, __global real *to, bool large)
 {
     real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
-    __global const real *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5];
+    __global const real *r0 = rows[0] + at, *r1 = rows[1] + at, *r2 = rows[2] + at;
+    __global const real *r3 = rows[3] + at, *r4 = rows[4] + at, *r5 = rows[5] + at;
+    int i = 0;
 #define ROW(a) load(r##a, i)
-#define KEPT(p)                               \
-    for (int i = 0; i < count; i += LANES) \
+#define KEPT(p)                      \
+    for (; i < count; i += LANES) \
         store(SUM_##p(w, ROW), to, i, count - i);
-#define PAST(p)                                                        \
-    {                                                                  \
-        int i = 0, aligned = -((size_t)to / sizeof(real)) % LANES;     \
-        store(SUM_##p(w, ROW), to, 0, count);                             \
-        for (i = aligned; i < count; i += LANES)                       \
-            stream(SUM_##p(w, ROW), to, i, count - i);                    \
-    }
+#define PAST(p)                               \
+    store(SUM_##p(w, ROW), to, i, count);     \
+    i = -((size_t)to / sizeof(real)) % LANES; \
+    for (; i + LANES <= count; i += LANES)    \
+        stream_all(SUM_##p(w, ROW), to, i);
     if (large)
         FOR_DEGREE(PAST)
-    else
-        FOR_DEGREE(KEPT)
+    FOR_DEGREE(KEPT)
 }
 
-// The degree + 1 rows of a span, from `place` on in a ring of so many, `size` apart.
-inline void find(int place, int degree, __global const real *ring, int places, size_t size, __global const real **rows)
+// Where `places` rows or planes of a ring lie, `size` apart, and those of a span that begins at the last of them.
+inline void lay_ring(int places, size_t size, __global const real *ring, __global const real **at)
 {
-    for (int a = 0; a <= MAX_DEGREE; a++) {
-        rows[a] = ring + place * size;
-        if (a < degree)
-            place = place + 1 < places ? place + 1 : 0;
-    }
+    for (int a = 0; a < places + MAX_DEGREE; a++)
+        at[a] = ring + a % places * size;
 }
 
 #endif
@@ -193,10 +191,14 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = (band * out_u + 2 * LANES - 1) / LANES * LANES;
     __global real *rows = vectors + (size_t)item * item_size;
     __global real *planes = rows + N_ROWS * row_size;
-    __global const real *from[MAX_DEGREE + 1];
-    int end_row = 0; // of control points that the band needs
-    for (int j = first_j; j < end_j; j++)
+    __global const real *in_rows[N_ROWS + MAX_DEGREE], *in_planes[MOST_PLANES + MAX_DEGREE];
+    lay_ring(N_ROWS, row_size, rows, in_rows);
+    lay_ring(n_planes, plane_size, planes, in_planes);
+    int first_row = n_v, end_row = 0; // of control points that the band needs
+    for (int j = first_j; j < end_j; j++) {
+        first_row = min(first_row, span_v[j] - degree_v);
         end_row = max(end_row, span_v[j] + 1);
+    }
     bool near = spans_are_near(span_u, degree_u, out_u);
     for (int k = first_k, end, plane = 0; k < end_k; k = end) {
         if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
@@ -208,19 +210,22 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
             for (int j = first_j, row = 0; j < end_j; j++) {
                 if (j > first_j && span_v[j] < span_v[j - 1])
                     row = 0;
-                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK)
-                    contract_lines(row, min(BLOCK, end_row - row), control + (size_t)plane * n_v * n_u, n_u, span_u,
+                for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK) {
+                    size_t at = (size_t)plane * n_v + row;
+                    size_t next = row + BLOCK < end_row ? at + BLOCK : (size_t)(plane + 1) * n_v + first_row;
+                    contract_lines(row, min(BLOCK, end_row - row), control + at * n_u, control + next * n_u, n_u, span_u,
                                    values_u, degree_u, out_u, near, rows, row_size);
-                find((uint)(span_v[j] - degree_v) % N_ROWS, degree_v, rows, N_ROWS, row_size, from);
+                }
                 __global real *to = planes + plane % n_planes * plane_size + (j - first_j) * out_u;
-                sum_rows(degree_v, from, values_v + j, out_v, row_size, to, false);
+                __global const real **from = in_rows + (uint)(span_v[j] - degree_v) % N_ROWS;
+                sum_rows(degree_v, from, 0, values_v + j, out_v, row_size, to, false);
             }
         }
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
-                find((span_w[at] - degree_w) % n_planes, degree_w, planes + done, n_planes, plane_size, from);
                 __global real *to = target + (size_t)at * out_v * out_u + done;
-                sum_rows(degree_w, from, values_w + at, out_w, min(count - done, CHUNK), to, large);
+                __global const real **from = in_planes + (span_w[at] - degree_w) % n_planes;
+                sum_rows(degree_w, from, done, values_w + at, out_w, min(count - done, CHUNK), to, large);
             }
         }
     }

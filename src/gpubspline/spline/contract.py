@@ -1,6 +1,6 @@
 """The sums of a patch on a device: a direction at a time on a grid, all of them at scattered points."""
 
-from math import prod
+from math import gcd, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,9 @@ def _contract_solid(
     if degrees[2] >= SPARE_DEGREE and spared_bytes <= RING_BYTES:
         n_planes += SPARE_PLANES
     band = _evenly(counts[1], max(RING_BYTES // (n_planes * row_bytes), 1))
+    aligned = MOST_LANES // gcd(MOST_LANES, counts[0])  # rows, after which a vector begins
+    if aligned <= band:
+        band = -(-band // aligned) * aligned
     n_bands = -(-counts[1] // band)
     part = _evenly(counts[2], max(counts[2] * n_bands * n_channels // (ITEMS_PER_CORE * device.cores), 1))
     items = n_bands * -(-counts[2] // part) * n_channels
