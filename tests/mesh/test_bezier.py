@@ -139,11 +139,27 @@ def test_points_are_held_back_where_a_block_would_fold(
 
     held = bezier_blocks(mesh, wild, degree)
     assert least(held).min() > -1e-9
+    assert scaled_jacobian(held.sample(3, project=wild), device64).min() > 0
     count = held.lattice.on_boundary.sum()
     assert 0 < held.held_back["count"] < count and 0 < held.held_back["max_mm"] < 3 * np.sqrt(3)
     monkeypatch.setattr("gpubspline.mesh.bezier.KEPT", -np.inf)
     assert least(bezier_blocks(mesh, wild, degree, floor=-np.inf)).min() < 0
     assert bezier_blocks(mesh, on_sphere, degree).held_back == {"count": 0, "max_mm": 0.0}
+
+
+def test_corners_that_stay_keep_what_is_near_them() -> None:
+    """A corner drawn out to 1.3 radii: edges to it stay about straight, all else is on the sphere."""
+    mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, project=on_sphere)
+    tip = int(np.argmax(mesh.points[:, 2]))
+    mesh.points[tip] *= 1.3
+    fine = bezier_blocks(mesh, on_sphere, 2, stay=np.array([tip])).sample(3, project=on_sphere)
+    np.testing.assert_allclose(fine.points[tip], mesh.points[tip])
+    radii = np.linalg.norm(fine.points[np.unique(fine.boundary())], axis=1)
+    off = np.abs(radii - RADIUS) > 1e-6 * RADIUS
+    assert 1 + 4 * 2 + 4 * 4 <= np.count_nonzero(off) <= 1 + 4 * 2 + 4 * 6  # of four faces, their far sides are on it
+    assert np.sort(radii)[-5:].min() > 1.1 * RADIUS
+    every = bezier_blocks(mesh, on_sphere, 2).sample(3, project=on_sphere)
+    assert np.ptp(np.linalg.norm(every.points[np.unique(every.boundary())], axis=1)) < 1e-6 * RADIUS
 
 
 def test_sets_follow_the_blocks() -> None:

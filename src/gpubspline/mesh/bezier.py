@@ -43,6 +43,7 @@ class BezierBlocks:
     lattice: numbers of the blocks' control points.
     control: (n, 3) float64, mm.
     element_sets: members of each named set of blocks.
+    there: (n,) whether each outer point of the lattice went all its way to the surface.
     held_back: outer points that went part of their way to the surface alone, so that no block folds, and how far they
         stayed off it: ``{"count": 0, "max_mm": 0.0}``.
     """
@@ -50,6 +51,7 @@ class BezierBlocks:
     lattice: SharedLattice
     control: Floats
     element_sets: dict[str, NDArray[np.int32]]
+    there: NDArray[np.bool_]
     held_back: dict[str, float]
 
     @property
@@ -67,7 +69,8 @@ class BezierBlocks:
         Arguments
         ---------
         element_type: ``"hex8"``, ``"hex20"`` or ``"hex27"``; midway nodes lie on the blocks.
-        project: puts the nodes of the surface onto it, where the blocks only come near; None leaves them on the blocks.
+        project: puts the nodes of the surface onto it, where the blocks only come near; where these were not let go to
+            it, and with None, nodes stay on the blocks.
 
         Returns
         -------
@@ -81,8 +84,10 @@ class BezierBlocks:
         points = np.empty((fine.starts[-1], 3))
         points[fine.numbers] = _along_axes(at, self.control[self.lattice.numbers])
         if project is not None:
-            normals = outer_normals(fine, self.control[: fine.n_corners])
-            points[fine.on_boundary] = project(points[fine.on_boundary], normals[fine.on_boundary])
+            outer, share = fine.on_boundary, np.empty(len(points))
+            share[fine.numbers] = _broken_lines(self.degree, fine.degree, self.there[self.lattice.numbers])
+            way = project(points[outer], outer_normals(fine, self.control[: fine.n_corners])[outer]) - points[outer]
+            points[outer] += share[outer, None] * way
         cells = np.stack([_of_vertex(fine.numbers, vertex, element.order) for vertex in element.vertices], axis=-1)
         used, renumbered = np.unique(cells, return_inverse=True)
         sets = {name: _children(blocks, density**3) for name, blocks in self.element_sets.items()}
@@ -102,7 +107,9 @@ def _children(blocks: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     return (blocks[:, None] * count + np.arange(count)).ravel().astype(np.int32)
 
 
-def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 0.0) -> BezierBlocks:
+def bezier_blocks(
+    mesh: Mesh, project: Project, degree: int = 2, floor: float = 0.0, stay: NDArray[np.int32] | None = None
+) -> BezierBlocks:
     """Curve the hexes of a mesh so that their outer faces follow a surface.
 
     A block's outer points go only part of the way, if need be none, where its least scaled Jacobian would fall to
@@ -115,6 +122,7 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 
     project: onto the surface.
     degree: 1 to 3.
     floor: least scaled Jacobian at (3 d)^3 points of a block; blocks whose straight hex is below stay straight.
+    stay: corners that are off the surface on purpose; what lies near them goes to it the less the nearer.
 
     Raises
     ------
@@ -133,7 +141,10 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 
             points[numbers] += share[numbers, None] * way
             off[numbers] = (1 - share[numbers]) * np.linalg.norm(way, axis=1)
 
-    share = np.ones(lattice.starts[-1])
+    share, goes = np.ones(lattice.starts[-1]), np.ones(len(corners))
+    goes[[] if stay is None else stay] = 0.0
+    share[lattice.numbers] = _broken_lines(1, degree, goes[lattice.numbers[:, ::degree, ::degree, ::degree]])
+    wanted = share.copy()
     curved = np.asarray(lattice.on_boundary[lattice.numbers].any(axis=(1, 2, 3)))
     straight = lattice.numbers[curved, ::degree, ::degree, ::degree]
     kept = np.full(len(curved), -np.inf)
@@ -150,9 +161,13 @@ def bezier_blocks(mesh: Mesh, project: Project, degree: int = 2, floor: float = 
             break
         share[eased] *= EASED if left > 1 else 0.0
         changed = curved & eased[lattice.numbers].any(axis=(1, 2, 3))
-    held = off[lattice.on_boundary & (share < 1)]
+    held = off[lattice.on_boundary & (share < wanted)]
     return BezierBlocks(
-        lattice, control, dict(mesh.element_sets), {"count": len(held), "max_mm": float(held.max(initial=0.0))}
+        lattice,
+        control,
+        dict(mesh.element_sets),
+        share == 1,
+        {"count": len(held), "max_mm": float(held.max(initial=0.0))},
     )
 
 
@@ -247,6 +262,12 @@ def _through(lattice: SharedLattice, corners: Floats, put: Put, share: Floats) -
         inner = inner - _between_ends(inner, axis)
     points[lattice.numbers[:, 1:d, 1:d, 1:d]] = (values - inner)[:, 1:d, 1:d, 1:d]
     return points
+
+
+def _broken_lines(degree: int, fine: int, values: NDArray[Any]) -> Floats:
+    """Values (m, d + 1, d + 1, d + 1) of lattices of one degree at the points of another, linear between theirs."""
+    at = np.linspace(0, degree, fine + 1)[:, None]
+    return _along_axes(np.maximum(0, 1 - np.abs(at - np.arange(degree + 1))), values[..., None])[..., 0]
 
 
 def _between_ends(values: Floats, axis: int) -> Floats:

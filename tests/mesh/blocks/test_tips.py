@@ -1,16 +1,21 @@
 """Spikes thinner than an element, which smoothing takes away: a node is drawn out to each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
+from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.level_set import LevelSet
 from gpubspline.mesh.blocks.mesher import blocks_mesh
+from gpubspline.mesh.blocks.refine import refine
 from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.blocks.tips import OUT, stand_out
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.quality import assess
+from gpubspline.mesh.validity import certify
 
 SIZE = 2.0
 
@@ -35,7 +40,7 @@ def left_out(made: Blocks, region: Region, device: Device) -> float:
 
 
 @pytest.mark.parametrize("device", ["opencl"], indirect=True)
-def test_a_node_is_drawn_out_to_each_spike(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_is_drawn_out_to_each_spike_and_stays(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     region = spiky(3.6)
     made = blocks_mesh(region, SIZE, device=device)
     assert left_out(made, region, device) == 0
@@ -43,6 +48,11 @@ def test_a_node_is_drawn_out_to_each_spike(device: Device, monkeypatch: pytest.M
     assert quality.min >= 0.60 and made.report.euler == {"mesh": 1, "region": 1}
     assert mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.02)
     assert np.array_equal(blocks_mesh(region, SIZE, device=device).mesh.points, made.mesh.points)
+    fine = refine(made, 2, device=device)
+    assert fine.report.min_scaled_jacobian >= 0.60 and certify(fine.mesh, device).certificate.valid
+    np.testing.assert_allclose(fine.mesh.points[made.tips], made.mesh.points[made.tips], atol=1e-4)
+    for mesh in (fine.mesh, curve(made, device=device).sample(1, "hex27")):
+        assert left_out(replace(made, mesh=mesh), region, device) == 0
     monkeypatch.setattr("gpubspline.mesh.blocks.grow.draw_out", lambda hexes, best, level: best)
     assert left_out(blocks_mesh(region, SIZE, attempts=1, device=device), region, device) > 1.3
 

@@ -28,22 +28,23 @@ _SLIDES = 3
 def curve(made: Blocks, *, degree: int = 2, floor: float = 0.0, device: Device) -> BezierBlocks:
     """Make each hex a Bezier hyperpatch whose outer faces follow the level set, as far as no block folds.
 
+    Corners that were drawn out to tips of the region stay there.
+
     Arguments
     ---------
     degree: 1 to 3.
     floor: least scaled Jacobian inside a block; see ``bezier_blocks``.
     """
-    return bezier_blocks(made.mesh, onto(made.surface(), device), degree, floor)
+    return bezier_blocks(made.mesh, onto(made.surface(), device), degree, floor, made.tips)
 
 
 def onto(level: LevelSet, device: Device) -> Callable[[Floats, Floats], Floats]:
     """Projection of points (n, 3), mm, on to the zero level: along normals (n, 3), then nearest."""
-    back = np.linalg.inv(level.to_mm)
     phi = unbiased(level.phi)
     held = put_level(phi, np.hstack([np.eye(3) * SAMPLES, np.zeros((3, 1))]), device)
 
     def project(points: Floats, normals: Floats) -> Floats:
-        at = along(phi, points @ back[:3, :3].T + back[:3, 3], normals @ level.axes)
+        at = along(phi, level.in_lattice(points), normals @ level.axes)
         count = len(at)
         x = device.put(np.ascontiguousarray(at.T))
         slack, levels = device.put(np.zeros(count)), device.put(one_level(count))

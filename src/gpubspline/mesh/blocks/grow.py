@@ -24,6 +24,7 @@ from gpubspline.mesh.blocks.tips import draw_out, stand_out
 from gpubspline.mesh.blocks.topology import Difference, differences
 from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.mesh.movable import FIXED
 from gpubspline.mesh.validity import certify
 
 ON_SURFACE = 0.01
@@ -133,7 +134,8 @@ class Grown:
                 **element_sets(hexes, names),
             },
         )
-        return Blocks(mesh, level, self.core.cells > 0, report)
+        tips = np.flatnonzero(self.placed.nodes.slack == FIXED).astype(np.int32)
+        return Blocks(mesh, level, self.core.cells > 0, report, tips)
 
 
 def grow(
@@ -219,12 +221,17 @@ def _check_present(level: LevelSet, cells: Cells | Owners, parts: Mapping[str, P
             )
 
 
+def distance_from(phi: NDArray[Any], points: NDArray[Any]) -> NDArray[Any]:
+    """Distance (n,), in elements, of points (n, 3), lattice coordinates, from the zero of a level set near them."""
+    return np.asarray(np.abs(map_coordinates(phi, points[:, ::-1].T * SAMPLES, order=1, mode="nearest")))
+
+
 def off_surface(points: NDArray[Any], reached: NDArray[Any], level: LevelSet) -> dict[str, float]:
     """How many of the points (n, 3), lattice coordinates, are off the zero level and off the region, and how far.
 
     Nodes that are drawn out to a tip are on the region, whose level set leaves it out.
     """
-    off = np.abs(map_coordinates(reached, points[:, ::-1].T * SAMPLES, order=1, mode="nearest"))
+    off = distance_from(reached, points)
     far = np.flatnonzero(off > ON_SURFACE)
     off = np.minimum(off[far], np.abs(level.region_distance(points[far])))
     return {"count": int(np.count_nonzero(off > ON_SURFACE)), "max_mm": float(off.max(initial=0.0)) * level.size_mm}

@@ -96,8 +96,7 @@ class LevelSet:
         """Places (p, 3) on the surface of the region, lattice coordinates; none where it is not known."""
         if self.region is None:
             return np.empty((0, 3))
-        inverse = np.linalg.inv(self.to_mm)
-        return np.asarray(surface_places(self.region)[0] @ inverse[:3, :3].T + inverse[:3, 3])
+        return self.in_lattice(surface_places(self.region)[0])
 
     def region_distance(self, points: NDArray[Any]) -> Floats:
         """Signed distance (n,), in elements, of the region at lattice coordinates (n, 3); infinite if unknown."""
@@ -121,6 +120,11 @@ class LevelSet:
     def in_mm(self, points: NDArray[Any]) -> Floats:
         """LPS mm (n, 3) of lattice coordinates (n, 3)."""
         return np.asarray(points.astype(np.float64) @ self.to_mm[:3, :3].T + self.to_mm[:3, 3])
+
+    def in_lattice(self, points: NDArray[Any]) -> Floats:
+        """Lattice coordinates (n, 3) of LPS mm (n, 3)."""
+        inverse = np.linalg.inv(self.to_mm)
+        return np.asarray(points.astype(np.float64) @ inverse[:3, :3].T + inverse[:3, 3])
 
 
 def lattice_frame(region: Region, size_mm: float, rotation: Floats, offset: tuple[float, float, float]) -> Floats:

@@ -3,6 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.level_set import LevelSet
 from gpubspline.mesh.blocks.placement import Placement
@@ -130,12 +133,22 @@ class BlocksReport:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """A mesh of blocks, the level set that it conforms to, the cells of its core, and what is known of it."""
+    """A mesh of blocks and what is known of it.
+
+    Attributes
+    ----------
+    mesh: hex8.
+    level: set that it conforms to.
+    core: its cells.
+    report: what is known of it.
+    tips: (k,) surface nodes that were drawn out of the level set to tips of the region.
+    """
 
     mesh: Mesh
     level: LevelSet
     core: Cells
     report: BlocksReport
+    tips: NDArray[np.int32]
 
     def surface(self) -> LevelSet:
         """The level set as far as the core reaches it: sheets that it does not reach are left out."""
