@@ -91,3 +91,51 @@ def test_a_package_that_is_not_there_is_one_line(run: Any, ball: str, monkeypatc
     words = "expected the package polars to be installed: pip install gpubspline brings what it needs"
     assert (status, said) == (2, "") and err.endswith(f"gpubspline: error: {words}\n") and "Traceback" not in err
     assert not Path("m.inp").exists()
+
+
+def test_a_segmentation_is_told_of_label_by_label(run: Any, ball: str) -> None:
+    """Whoever gets one has to know its numbers before ``--label``."""
+    labels = np.zeros((4, 5, 6), np.int16)
+    labels[1], labels[2, 0, :2] = 7, 22
+    np.save("labels.npy", labels)
+    said = run("info", "labels.npy", "--spacing", "2,1,0.5")[1]
+    assert [line.split() for line in said.splitlines()[-2:]] == [
+        ["7", "30", "voxels,", "30", "mm3"],
+        ["22", "2", "voxels,", "2", "mm3"],
+    ]
+    assert "labels" not in run("info", ball, *ONE_MM)[1]
+
+
+def test_a_ct_is_no_mask(run: Any, ball: str) -> None:
+    np.save("ct.npy", np.arange(-500, 1228, dtype=np.int16).reshape(12, 12, 12))
+    status, said, err = run("mesh", ball, *ONE_MM, "--mask", "ct.npy", "-o", "m.vtu")
+    assert (status, said) == (2, "") and "got 1727 values from -500 to 1227, as a CT has" in err
+
+
+@pytest.mark.parametrize(
+    ("spacing", "threshold", "words"),
+    [
+        ("0.001,0.001,0.001", "0", "the scan is 0.012 x 0.012 x 0.012 mm in all: are its spacing and origin in mm?"),
+        ("1,1,1", "-2000", "all voxels are body, of -1000 to 500 HU with the threshold -2000"),
+    ],
+)
+def test_metres_and_thresholds_below_all_are_asked_about(
+    run: Any, ball: str, spacing: str, threshold: str, words: str
+) -> None:
+    size = ("--method", "tensor", "--nodes", "3,3,3", "--control", "4,4,4")
+    status, _, err = run("mesh", ball, "--spacing", spacing, "--threshold", threshold, *size, "-o", "m.vtu")
+    assert status == 0 and words in err
+
+
+@pytest.mark.parametrize("method", ["auto", "blocks", "butterfly", "tensor"])
+def test_one_slice_is_no_solid(run: Any, ball: str, method: str) -> None:
+    status, _, err = run("mesh", ball, *ONE_MM, "--slices", "5:6", "--method", method, "-o", "m.vtu")
+    assert status == 2 and "several slices for a solid, got one along k: --slice makes quads of it" in err
+
+
+def test_a_picture_by_label_and_by_the_beginning_of_a_name(run: Any, ball: str) -> None:
+    np.save("labels.npy", np.where(np.load("-ball.npy") > 0, np.arange(12)[:, None, None] // 6 + 1, 0).astype(np.int16))
+    size = ("--method", "blocks", "--size", "2", "--no-conforming", "-o", "m.vtu", "--picture", "m.png")
+    for field in ("label", "e"):
+        status, _, err = run("mesh", ball, *ONE_MM, "--labels", "labels.npy", *size, "--field", field)
+        assert status == 0 and Path("m.png").stat().st_size > 10_000, err

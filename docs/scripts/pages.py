@@ -33,7 +33,7 @@ def commands() -> str:
 
 
 def _usage(name: str, command: Any) -> str:
-    words = [_metavar(p) for p in command.params if not p.opts[0].startswith("-")]
+    words = [_metavar(p) + "..." * (p.nargs < 0) for p in command.params if not p.opts[0].startswith("-")]
     required = [f"{p.opts[0]} {_metavar(p)}" for p in command.params if p.opts[0].startswith("-") and p.required]
     return " ".join(["gpubspline", name, *words, *required, "[OPTIONS]"])
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
+from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning
 from gpubspline.mesh.blocks.result import BlocksReport, BodyReport
 from gpubspline.mesh.element_size import ACROSS, about_elements, size_of
@@ -30,6 +31,31 @@ NAMED = 3
 
 MOST_FINER = 0.5
 """Part of an element below which a feature is too thin to ask for hexes that follow it."""
+
+
+SMALL_MM = 1.0
+"""Extent of a scan below which it is asked whether its unit is the millimetre: a biopsy in a micro-CT has several."""
+
+
+def warn_of_units(volume: Volume) -> None:
+    """Warn where a scan is so small that its spacing may be in metres or centimetres."""
+    size = volume.spacing_mm * volume.shape
+    if size.max() < SMALL_MM:
+        warnings.warn(
+            f"the scan is {' x '.join(f'{mm:.2g}' for mm in size)} mm in all: are its spacing and origin in mm?",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+
+
+def warn_of_everything(volume: Volume, threshold_hu: float) -> None:
+    """Warn where all of a scan, or of a crop, is the body: the mesh is a box, whose faces are where the voxels end."""
+    warnings.warn(
+        f"all voxels are body, of {volume.hu.min():g} to {volume.hu.max():g} HU with the threshold {threshold_hu:g}: "
+        "the mesh is the box of the scan, or of the crop",
+        GpubsplineWarning,
+        stacklevel=2,
+    )
 
 
 def foretell(region: Region, size_mm: float, clock: Clock) -> None:
@@ -136,7 +162,7 @@ def warn_of_lost(lost: list[dict[str, Any]], size_mm: float | None, less: float 
     what = "a part of the region is" if len(lost) == 1 else f"{len(lost)} parts of the region are"
     if less > BRIDGED:
         what = f"{less:.0%} of the region's volume and {what}"
-    where = f"at ({place}) mm" + (f", where it is {thick:.2g} mm thick" if thick is not None else "")
+    where = f"at ({place}) mm" + (f", where it is {thick:.3g} mm thick" if thick is not None else "")
     warnings.warn(
         f"{what} left out, up to {worst['out_mm']:.1f} mm outside the mesh {where}{finer} (--features draws where)",
         GpubsplineWarning,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.cautions import warn_of_everything, warn_of_units
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.masks import open_labels, read_segment
@@ -45,6 +46,10 @@ def find_body(source: Source, clock: Clock) -> Body:
     with clock.stage("region"):
         window = _window(source, whole)
         volume = crop(whole, window)
+        warn_of_units(volume)
+        if source.slice_index is None and 1 in volume.shape:
+            along = "ijk"[volume.shape.index(1)]
+            raise InputError(f"expected several slices for a solid, got one along {along}: --slice makes quads of it")
         fill = source.fill or ("slice" if mask is None else "none")
         options: dict[str, Any] = {"fill": fill, "fill_axis": AXES.get(source.axis, 2)}
         if mask is not None:
@@ -59,6 +64,8 @@ def find_body(source: Source, clock: Clock) -> Body:
             threshold = otsu_threshold(crop(whole, _window(replace(source, slice_index=None), whole)))
         options["smoothing_mm"] = source.smoothing_mm or 0.0
         region = region_from_threshold(volume, threshold, **options)
+        if region.mask.all():
+            warn_of_everything(volume, threshold)
         return Body(whole, volume, region, threshold, labels, source.partial_volume)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from gpubspline.analysis.load_case import AXES, Force, LoadCase, Pressure, Support, read_load_case
 from gpubspline.analysis.loads import assemble, load_case, load_cases, patient_axes
-from gpubspline.analysis.regions import Cap, HalfSpace, Patch, Region, Side, Sphere, width_mm
+from gpubspline.analysis.regions import Box, Cap, HalfSpace, Patch, Region, Side, Sphere, width_mm
 from gpubspline.ct.femur import ADULT, CHILD, femur
 from gpubspline.errors import InputError
 from gpubspline.mesh import structure
@@ -157,6 +157,15 @@ def test_gravity_is_mass_times_acceleration_at_the_centre_of_mass(element_type):
     np.testing.assert_allclose(made.moment_nmm(mesh), np.cross(centre, made.applied_n), rtol=1e-9, atol=1e-12)
 
 
+def test_a_box_cuts_off_the_same_as_half_spaces():
+    mesh = box("hex20", (7, 7, 7), ball)
+    sides = [HalfSpace((0, 0, 52), (0, 0, 1)), HalfSpace((2, 0, 0), (1, 0, 0)), HalfSpace((9, 0, 0), (-1, 0, 0))]
+    made = loaded(mesh, Force(region(Box((2, -90, 52), (9, 90, 90))), (0, 0, -1)))
+    same = loaded(mesh, Force(region(*sides), (0, 0, -1)))
+    np.testing.assert_array_equal(made.forces_n, same.forces_n)
+    assert 100 < made.report[-1].area_mm2 < 0.1 * 4 * np.pi * 400
+
+
 @pytest.mark.parametrize("counts", [(9, 9, 9), (25, 25, 25)])
 def test_regions_of_a_ball_have_the_areas_of_caps(counts):
     """A cap of depth h has the area 2 pi r h; what a sphere or a patch cuts out of the surface is a cap, too."""
@@ -306,6 +315,7 @@ averaged_mm = 2
 [regions.tip]
 side = "w1"
 sphere = { centre_mm = [0, 0, 90], radius_mm = 20 }
+box = { low_mm = [-9, -8, 80], high_mm = [9, 8, 95] }
 halfspace = { point_mm = [0, 0, 80], normal = [0, 0, 1] }
 patch = { point_mm = [0, 9, 90], area_mm2 = 8 }
 cap = { towards = [0, 0, 1], depth_of_width = 0.1, within_deg = 45 }
@@ -332,6 +342,7 @@ def test_a_file_says_all_that_a_load_case_holds(tmp_path):
         (
             Side("w1"),
             Sphere((0, 0, 90), 20),
+            Box((-9, -8, 80), (9, 8, 95)),
             HalfSpace((0, 0, 80), (0, 0, 1)),
             Patch((0, 9, 90), area_mm2=8),
             Cap((0, 0, 1), 0.1, True, 45),
@@ -377,6 +388,7 @@ REFUSED = {
     "zero": (CASE.replace("[0, 0, -100]", "[0, 0, 0]"), "not zero for force_n"),
     "infinite": (CASE.replace("[0, 0, -100]", "[0, 0, inf]"), "three finite numbers for force_n"),
     "radius": (CASE.replace("radius_mm = 20", "radius_mm = -1"), "above 0 for radius_mm in sphere"),
+    "box": (CASE.replace("[9, 8, 95]", "[9, 8, 75]"), r"low_mm up to high_mm in box of \[regions.tip\], got .*75.0\]"),
     "mean": (CASE.replace("averaged_mm = 2", "averaged_mm = 0"), "a number above 0 for averaged_mm of the file, got 0"),
     "both": (CASE.replace("away_mm = 5.0", "away_mm = 5.0\naway_of_width = 1"), "away_mm or away_of_width.*got both"),
     "neither": (CASE.replace(", area_mm2 = 8", ""), "radius_mm or area_mm2 in patch.*got neither"),
@@ -405,7 +417,7 @@ def test_unknown_names_and_missing_files_are_refused(tmp_path):
 
 def test_regions_that_catch_nothing_are_refused_by_name():
     mesh = box("hex8", place=lambda p: p * 10)
-    for part in (Sphere((99, 0, 0), 1.0), HalfSpace((0, 0, 11), (0, 0, 1))):
+    for part in (Sphere((99, 0, 0), 1.0), HalfSpace((0, 0, 11), (0, 0, 1)), Box((0, 0, 11), (10, 10, 12))):
         with pytest.raises(InputError, match=r"region 'here' to catch a part.*spans x 0.0 to 10.0"):
             loaded(mesh, Force(region(part), (1, 0, 0)))
         with pytest.raises(InputError, match="region 'here'"):

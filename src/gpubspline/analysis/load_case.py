@@ -12,6 +12,7 @@ Units are N, mm and MPa. A file holds one load case::
     [regions.tip]                                        # where all that is given holds:
     side = "w1"                                          # face u0 to w1 of a structured mesh, node set, or "surface"
     sphere = { centre_mm = [0, 0, 90], radius_mm = 20 }
+    box = { low_mm = [-10, -10, 80], high_mm = [10, 10, 95] }
     halfspace = { point_mm = [0, 0, 80], normal = [0, 0, 1] }     # the side that the normal points to
     patch = { point_mm = [0, 9, 90], radius_mm = 8 }     # nearest surface; or area_mm2
     cap = { towards = [0, 0, 1], depth_mm = 4 }          # outermost surface; or depth_of_width; within_deg = 45
@@ -45,7 +46,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gpubspline.analysis.regions import Cap, HalfSpace, Part, Patch, Region, Side, Sphere, Vector
+from gpubspline.analysis.regions import Box, Cap, HalfSpace, Part, Patch, Region, Side, Sphere, Vector
 from gpubspline.errors import InputError
 from gpubspline.tables import checked, is_a, parse, read_text
 
@@ -220,6 +221,14 @@ def _sphere(table: Any, where: str) -> Part:
     return Sphere(centre, _positive(given["radius_mm"], f"radius_mm in {where}"))
 
 
+def _box(table: Any, where: str) -> Part:
+    given = checked(table, where, {"low_mm": list, "high_mm": list}, {})
+    low, high = (_vector(given[key], f"{key} in {where}", zero=True) for key in ("low_mm", "high_mm"))
+    if any(a > b for a, b in zip(low, high, strict=True)):
+        raise InputError(f"expected low_mm up to high_mm in {where}, got {list(low)} and {list(high)}")
+    return Box(low, high)
+
+
 def _halfspace(table: Any, where: str) -> Part:
     given = checked(table, where, {"point_mm": list, "normal": list}, {})
     point = _vector(given["point_mm"], f"point_mm in {where}", zero=True)
@@ -243,6 +252,7 @@ def _cap(table: Any, where: str) -> Part:
 
 _PARTS: dict[str, Callable[[Any, str], Part]] = {
     "sphere": _sphere,
+    "box": _box,
     "halfspace": _halfspace,
     "patch": _patch,
     "cap": _cap,

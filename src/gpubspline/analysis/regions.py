@@ -186,6 +186,20 @@ class Sphere:
 
 
 @dataclass(frozen=True)
+class Box:
+    """What lies between two corners, along the patient's axes."""
+
+    low_mm: Vector
+    high_mm: Vector
+
+    def holds(self, surface: Surface) -> Flags:
+        """Hold between the corners, to rounding of the mesh's coordinates."""
+        slack, points = _rounding(surface), surface.points_mm
+        within = (points >= np.array(self.low_mm) - slack) & (points <= np.array(self.high_mm) + slack)
+        return np.asarray(within.all(axis=2))
+
+
+@dataclass(frozen=True)
 class HalfSpace:
     """What lies on the side of a plane that its normal points to, the plane included."""
 

@@ -10,12 +10,12 @@ IMAGES = "DICOM folder or files, NIfTI, Analyze, NRRD, MetaImage, .npy"
 SolidPaths = Annotated[
     list[Path],
     typer.Argument(
-        metavar="INPUT...",
+        metavar="INPUT",
         help=f"{IMAGES}; or a closed surface: .stl, .obj, .ply, .off, .vtp",
         show_default=False,
     ),
 ]
 InputPaths = Annotated[
     list[Path],
-    typer.Argument(metavar="INPUT...", help=IMAGES, show_default=False),
+    typer.Argument(metavar="INPUT", help=IMAGES, show_default=False),
 ]

@@ -1,6 +1,7 @@
 """What the command line says of a volume, a patch, a mesh, a law and a run: lines of text."""
 
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,27 @@ def volume_lines(volume: Volume) -> list[str]:
         _extent(low, high) + " LPS",
         f"HU         {_range_of(volume)}",
     ]
+
+
+MOST_LABELS = 255
+"""Different whole numbers from 0 on that a segmentation has at most; a CT has more, or values below 0."""
+
+
+def label_lines(volume: Volume, names: Mapping[int, str]) -> list[str]:
+    """Voxels and volume of each number of what may be a segmentation, with its name; nothing where it is none."""
+    if volume.hu.dtype.kind != "i" or volume.hu.min() < 0:
+        return []
+    counts = np.bincount(volume.hu.ravel())
+    found = [int(n) for n in np.flatnonzero(counts) if n]
+    if not 0 < len(found) <= MOST_LABELS or counts[0] == 0:
+        return []
+    each = abs(float(np.linalg.det(volume.affine[:3, :3])))
+    width = len(f"{counts[found].max():,}")
+    lines = [
+        f"{n:10} {counts[n]:{width},} voxels, {counts[n] * each:,.0f} mm3{f', {names[n]}' if names.get(n) else ''}"
+        for n in found
+    ]
+    return ["labels     where this is a segmentation, for --mask:", *lines]
 
 
 def _extent(low: NDArray[Any], high: NDArray[Any]) -> str:

@@ -23,6 +23,9 @@ from gpubspline.errors import InputError
 _MOST_EXTENSION = 1 << 22
 """Bytes of a NIfTI header extension that are looked at."""
 
+MOST_LABELS = 255
+"""Of a file that has numbers below 0, too: with more, it is a CT that was taken for a mask."""
+
 
 def open_array(path: Path, volume: Volume) -> Labels:
     """Open a ``.npy`` of the volume's shape (k, j, i); raises InputError where it is another."""
@@ -48,6 +51,12 @@ def open_image(path: Path, volume: Volume) -> Labels:
     return _of_values([values], _nifti_names(path) if format_name(path) == "NIfTI" else {}, path)
 
 
+def label_names(path: Path) -> dict[int, str]:
+    """Names of the numbers of a label image, where its file carries them."""
+    names = _nifti_names(path) if path.is_file() and format_name(path) == "NIfTI" else {}
+    return {number: name for (_, number), name in names.items()}
+
+
 def _check_size(values: NDArray[Any], volume: Volume, path: Path) -> None:
     if values.shape != volume.hu.shape:
         sizes = ("x".join(map(str, shape)) for shape in (volume.shape, values.shape[::-1]))
@@ -71,6 +80,10 @@ def _of_values(layers: list[NDArray[Any]], names: dict[tuple[int, int], str], pa
             number = wanted if wanted not in where else max(where) + 1
             where[number] = (layer, value)
             titles[number] = names.get((layer, wanted), "")
+    if where and min(where) < 0 and len(where) > MOST_LABELS:
+        raise InputError(
+            f"expected labels in {path.name}, got {len(where)} values from {min(where)} to {max(where)}, as a CT has"
+        )
 
     def read(number: int) -> Segment:
         layer, value = where[number]

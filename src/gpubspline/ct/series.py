@@ -199,7 +199,8 @@ def choose_series(headers: Iterable[Header], series: str | None = None, told: li
     if others and told is not None:
         words = ", ".join(map(str, others))
         told.append(
-            f"the CT series of {sizes[chosen]} images is taken, beside others of {words}: --series takes another"
+            f"the CT series of {sizes[chosen]} images is taken, beside others of {words}: --series UID takes another, "
+            "--series list names them"
         )
     return groups[chosen]
 

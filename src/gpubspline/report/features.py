@@ -75,7 +75,7 @@ def _draw_view(axes: Axes, view: tuple[str, int, int, str, str], outline: Any, t
 
 def _line(number: int, feature: dict[str, Any]) -> str:
     x, y, z = feature["place_mm"]
-    thick = f", {feature['thickness_mm']:.2g} mm thick" if "thickness_mm" in feature else ""
+    thick = f", {feature['thickness_mm']:.3g} mm thick" if "thickness_mm" in feature else ""
     return f"{number}  at ({x:.1f}, {y:.1f}, {z:.1f}) mm, up to {feature['out_mm']:.1f} mm outside the mesh{thick}"
 
 

@@ -15,11 +15,13 @@ from gpubspline.errors import InputError
 def info(
     source: Annotated[
         list[Path],
-        typer.Argument(metavar="INPUT...", help="CT, model (.npz), mesh or closed surface", show_default=False),
+        typer.Argument(
+            metavar="INPUT", help="CT, segmentation, model (.npz), mesh or closed surface", show_default=False
+        ),
     ],
     read: ReadOptions,
 ) -> None:
-    """Say what a CT, a model file, a mesh file or a closed surface holds."""
+    """Say what a CT, a segmentation, a model file, a mesh file or a closed surface holds."""
     from gpubspline.cli import describe
     from gpubspline.export import can_read, read_mesh
     from gpubspline.surface.read import is_surface, read_surface
@@ -38,6 +40,8 @@ def info(
             lines = describe.mesh_lines(read_mesh(source[0]))
         else:
             from gpubspline.ct.image import read_volume
+            from gpubspline.ct.mask_image import label_names
 
-            lines = describe.volume_lines(read_volume(source, progress=clock.advance, **read.reading()))
+            volume = read_volume(source, progress=clock.advance, **read.reading())
+            lines = [*describe.volume_lines(volume), *describe.label_lines(volume, label_names(source[0]))]
     RunOptions().say(lines)

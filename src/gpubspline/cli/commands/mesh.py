@@ -53,7 +53,7 @@ def mesh(
     if surface and method.ct is None:
         sampled.check_without_material(spline.partial_volume)
         deck.check_material(files.output)
-    files.check_field(() if surface and method.ct is None else ("HU",))
+    files.check_field(() if surface and method.ct is None else ("HU",), region.labels is not None)
     structured = files.structured(deck)
     # refuses before any work what does not fit together
     implied = methods.implied(meshing, shaping, sampling, sliced, structured)

@@ -28,7 +28,7 @@ def solve(
     source: Annotated[
         list[Path],
         typer.Argument(
-            metavar="MESH|INPUT...",
+            metavar="MESH|INPUT",
             help="mesh with E_MPa and nu; model file; CT; or a closed surface in one (--ct)",
             show_default=False,
         ),

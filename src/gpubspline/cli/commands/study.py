@@ -26,7 +26,7 @@ from gpubspline.cli.solid import is_model
 def study(
     context: typer.Context,
     source: Annotated[
-        list[Path], typer.Argument(metavar="INPUT...", help="CT, or model file of 'gpubspline fit'", show_default=False)
+        list[Path], typer.Argument(metavar="INPUT", help="CT, or model file of 'gpubspline fit'", show_default=False)
     ],
     wanted: StudyOptions,
     read: ReadOptions,

@@ -31,7 +31,9 @@ class OutputOptions:
     ]
     summary: Annotated[Path | None, option("Output", "figures of the run, .json", metavar="FILE")] = None
     picture: Annotated[Path | None, option("Output", "picture of the mesh, .png", metavar="FILE")] = None
-    field: Annotated[str, option("Output", "field that colours the picture", metavar="NAME")] = "HU"
+    field: Annotated[
+        str, option("Output", "field that colours the picture, or the beginning of one", metavar="NAME")
+    ] = "HU"
     histogram: Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")] = None
     allow_inverted: Annotated[
         bool, option("Output", "write a mesh with inverted elements, too", "--allow-inverted")
@@ -73,30 +75,38 @@ class OutputOptions:
         if element is not None:  # what is no element at all is said where it is made
             find_format(self.output, self._deck.format).check_elements(known, element)
 
-    def check_field(self, channels: Iterable[str]) -> None:
-        """Raise InputError where the picture asks for a field that the mesh will not have.
+    def check_field(self, channels: Iterable[str], labelled: bool = False) -> None:
+        """Take the picture's field by the beginning of its name; raise InputError where the mesh will not have it.
 
         A mesh without HU has no material: its picture shows the scaled Jacobian unless told otherwise.
+        ``labelled`` is whether its elements have labels.
         """
+        from gpubspline.report.quantity import find_field
+
         made = MADE_FIELDS if "HU" in channels else ("scaled_jacobian",)
-        known = (*channels, *made)
+        known = (*channels, *made, *(["label"] if labelled else []))
         if self.field == "HU" and "HU" not in known:
             self.field = "scaled_jacobian"
-        if self.picture and self.field not in known:
-            raise InputError(f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}")
+        if self.picture:
+            try:
+                self.field = find_field(known, self.field)
+            except InputError:
+                words = f"expected one of the fields {', '.join(known)} for --field, got {self.field!r}"
+                raise InputError(words) from None
 
     def make(self, patch: Any, sampling: Any, device: Any, clock: Any, body: Any = None) -> Any:
         """Sample the patch; a ``.vts`` of a solid is written on the way, slab by slab."""
         from gpubspline import pipeline
         from gpubspline.streaming import stream_patch
 
-        self.check_field(patch.channels)
+        labelled = body is not None and body.labels is not None
+        self.check_field(patch.channels, labelled)
         self.check_elements(sampling, patch.parametric_dimension)
         if sampling.mapping.transverse is not None:
             self._deck.check_orthotropy(self.output)
         first_order = sampling.order == 1 and sampling.element_type in (None, "hex8")
         whole = sampling.mapping.how != "nodal" or sampling.mapping.surface_depth_mm is not None
-        whole = whole or (body is not None and body.labels is not None) or sampling.optimize
+        whole = whole or labelled or sampling.optimize
         solid = patch.parametric_dimension == 3 and first_order
         self._streamed = self.output.suffix.lower() == ".vts" and solid and not whole and self._deck.plain
         if self._streamed:
