@@ -72,7 +72,7 @@ def test_a_mapping_that_reads_the_ct_is_not_taken_for_that_of_the_model_file(
         status, said, err = run(*line)
         assert status == 2 and "one model file, without options that fit one to CT" in err and said == ""
     status, _, err = run("fit", scan, "--labels", scan, "-o", tmp_path / "refused.npz")
-    assert status == 2 and "No such option: --labels" in err
+    assert status == 2 and "expected a --law LABEL=LAW with --labels" in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["model.npz", "out"]
 
 
@@ -118,7 +118,7 @@ WRONG = {
     "two directions": (("--nodes-list", "5x5x9 5x9"), "two or more meshes such as"),
     "no elements": (("--nodes-list", "5x5x9 5x1x9"), "two or more meshes such as"),
     "one size": (("--nodes-list", "5x5x9 9x5x5"), "meshes of different numbers of elements"),
-    "labels": (("--labels", "parts.nii.gz"), "No such option: --labels"),
+    "labels": (("--labels", "parts.nii.gz"), "expected a --law LABEL=LAW with --labels"),
     "commas": (("--nodes-list", "5,5,9 7,7,11"), "two or more meshes such as"),
     "nodes": (("--nodes", "5,5,9"), "No such option: --"),
     "slice": (("--slice", "3"), "No such option: --"),

@@ -144,6 +144,7 @@ def choose(
     number is asked for, which it does not know; five patches where every section is one part without holes; else
     blocks.
     """
+    sampling.laws_of(body.labels)  # refuses before any work what no label is
     found = implied(meshing, shaping, sampling, sliced, structured)
     if found is not None:
         patches = _patches(body, shaping, axis, device) if found.method == "butterfly" else None

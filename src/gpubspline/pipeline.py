@@ -3,14 +3,19 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gpubspline.clock import Clock
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.material.alarms import Alarms
 from gpubspline.material.assign import assign
 from gpubspline.material.calibration import Calibrated
+from gpubspline.material.laws import Law
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
-from gpubspline.mesh.label_sets import with_label_sets
+from gpubspline.mesh.label_sets import labels_round, with_label_sets
 from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.optimize import optimize
@@ -73,18 +78,17 @@ def finish(
 
     ``least_mm``: distance from the mesh from which parts of the body are left out, as ``cover`` takes it.
     """
-    law, calibrated, alarms, optimized = None, None, None, None
+    law, calibrated, alarms, optimized, of_set = None, None, None, None, {}
     if sampling.optimize:
         with clock.stage("optimize"):
             mesh, optimized = optimize(mesh, device, patch=patch)
     with clock.stage("material"):
+        mesh = _labelled(mesh, body, device)
         if "HU" in mesh.fields:
             sampling, calibrated = calibrate(sampling, body)
             law, scan = sampling.law, _scan(sampling, body)
             mesh, alarms = assign(mesh, law, device=device, **scan)
-        parted = "label" in mesh.cell_fields  # by the mesher, along the labels' boundaries
-        if body is not None and body.labels is not None and body.whole is not None and not parted:
-            mesh = with_label_sets(mesh, body.labels, body.whole, device)
+            of_set = _law_of_set(scan["by_label"], alarms, body)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
         certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None
@@ -96,7 +100,7 @@ def finish(
         covered = None
         if body is not None and mesh.element.dimension == 3:
             covered = cover(mesh, body.region, device, least_mm)
-    return Model(mesh, counted, sampling, law, alarms, calibrated, covered, optimized)
+    return Model(mesh, counted, sampling, law, alarms, calibrated, covered, optimized, of_set)
 
 
 def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body: Body | None = None) -> Mesh:
@@ -104,15 +108,43 @@ def sample_material(patch: Hyperpatch, sampling: Sampling, device: Device, body:
     sampling, _ = calibrate(sampling, body)
     nodes = sampling.nodes or patch.shape
     mesh = sample(patch, nodes, order=sampling.order, element_type=sampling.element_type, device=device)
+    mesh = _labelled(mesh, body, device) if sampling.law_by_label else mesh
     return assign(mesh, sampling.law, device=device, **_scan(sampling, body))[0]
 
 
+def _labelled(mesh: Mesh, body: Body | None, device: Device) -> Mesh:
+    """Gather elements by the body's labels, unless the mesher has, along their boundaries."""
+    if body is None or body.labels is None or body.whole is None or "label" in mesh.cell_fields:
+        return mesh
+    return with_label_sets(mesh, body.labels, body.whole, device)
+
+
 def _scan(sampling: Sampling, body: Body | None) -> dict[str, Any]:
-    """Keywords of ``assign``: the mapping, and what it reads near the surface and compares the mass with."""
+    """Keywords of ``assign``: mapping, laws by label, what is read near the surface, what the mass is compared with."""
+    by_label = sampling.laws_of(None if body is None else body.labels)
     if body is None:
-        return {"mapping": sampling.mapping}
+        return {"mapping": sampling.mapping, "by_label": by_label}
     mapping = replace(sampling.mapping, partial_volume=body.partial_volume)
-    return {"mapping": mapping, "volume": body.volume, "region": body.region}
+    known: dict[str, Any] = {"mapping": mapping, "by_label": by_label, "volume": body.volume, "region": body.region}
+    return known | dict(zip(["labels"], label_arrays(sampling, body), strict=False))
+
+
+def label_arrays(sampling: Sampling, body: Body) -> list[NDArray[np.int32]]:
+    """The label (n_k, n_j, n_i) of each of the body's voxels, where laws go by it; raises InputError for no such label.
+
+    A list of one or none, of what a study's models depend on beside the CT.
+    """
+    if not sampling.laws_of(body.labels) or body.labels is None or body.volume is None or body.whole is None:
+        return []
+    return [labels_round(body.region.mask, body.volume, body.labels, body.whole)]
+
+
+def _law_of_set(by_label: dict[int, Law], alarms: Alarms, body: Body | None) -> dict[str, Law]:
+    """Laws of labels that elements have, by their element sets."""
+    if body is None or body.labels is None:
+        return {}
+    met = [share["label"] for share in alarms.by_label if share["label"]]
+    return {body.labels.names[number] or f"label_{number}": by_label[number] for number in met}
 
 
 def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrated | None]:
@@ -121,9 +153,10 @@ def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrat
         return sampling, None
     calibrated = sampling.calibration.carry_out(None if body is None else body.whole)
     law, mapping = sampling.law.calibrated(calibrated.relation), sampling.mapping
+    others = {label: each.calibrated(calibrated.relation) for label, each in sampling.law_by_label.items()}
     if mapping.transverse is not None:
         mapping = replace(mapping, transverse=mapping.transverse.calibrated(calibrated.relation))
-    return replace(sampling, law=law, mapping=mapping, calibration=None), calibrated
+    return replace(sampling, law=law, law_by_label=others, mapping=mapping, calibration=None), calibrated
 
 
 def summarise(
@@ -139,7 +172,8 @@ def summarise(
     """Collect the figures of a run; those that need the CT are None where the model came from a file."""
     body = fitted.body if fitted is not None else body
     known: dict[str, Any] = {"law": model.law, "policy": model.sampling.mapping.policy.get("policy", "clamp")}
-    known |= {"alarms": model.alarms, "calibrated": model.calibrated, "transverse": model.sampling.mapping.transverse}
+    known |= {"law_of_set": model.law_of_set, "transverse": model.sampling.mapping.transverse}
+    known |= {"alarms": model.alarms, "calibrated": model.calibrated}
     if body is not None:
         flat = model.mesh.element.dimension == 2
         known["region_size"] = body.region.section_mm2 if flat else body.region.volume_mm3

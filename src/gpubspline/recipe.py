@@ -8,6 +8,7 @@ from typing import Any
 from gpubspline.ct.labels import Labels
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
+from gpubspline.errors import InputError
 from gpubspline.material.alarms import Alarms
 from gpubspline.material.assign import Mapping
 from gpubspline.material.calibration import Calibrated, Calibration
@@ -73,7 +74,10 @@ class Meshing:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How the mesh is made from the patch."""
+    """How the mesh is made from the patch.
+
+    ``law_by_label``: laws of labels of the body's segmentation, by number or name; ``law`` is that of the rest.
+    """
 
     law: Law
     nodes: tuple[int, ...] | None = None
@@ -82,6 +86,21 @@ class Sampling:
     mapping: Mapping = field(default_factory=Mapping)
     calibration: Calibration | None = None
     optimize: bool = False
+    law_by_label: dict[int | str, Law] = field(default_factory=dict)
+
+    def laws_of(self, labels: Labels | None) -> dict[int, Law]:
+        """Laws by the numbers of labels; raises InputError where there is no such label, or one has two laws."""
+        if not self.law_by_label:
+            return {}
+        if labels is None:
+            raise InputError(
+                f"expected a segmentation (--labels) with a law by label, {next(iter(self.law_by_label))}, got none"
+            )
+        numbers = {name: labels.number(name) for name in self.law_by_label}
+        for name, number in numbers.items():
+            if list(numbers.values()).count(number) > 1:
+                raise InputError(f"expected one law for the label {name} of {labels.source}, got several")
+        return {numbers[name]: law for name, law in self.law_by_label.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +160,7 @@ class Model:
 
     Where the mesh was written in slabs, ``mesh`` is a coarser one of the same patch, to look at. ``law`` is that of the
     sampling, calibrated where a calibration was asked for; None, as are the alarms, where there is no CT.
+    ``law_of_set`` are the laws of labels, by their element sets.
     """
 
     mesh: Mesh
@@ -151,3 +171,10 @@ class Model:
     calibrated: Calibrated | None = None
     coverage: Coverage | None = None
     optimized: Optimized | None = None
+    law_of_set: dict[str, Law] = field(default_factory=dict)
+
+    @property
+    def laws(self) -> dict[str, Law]:
+        """Laws that elements have, by element set; ``""`` is that of the rest, or of all."""
+        rest = self.alarms is None or not self.alarms.by_label or self.alarms.by_label[0]["label"] == 0
+        return ({"": self.law} if self.law is not None and rest else {}) | self.law_of_set

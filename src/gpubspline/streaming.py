@@ -77,7 +77,8 @@ def stream_patch(
         with clock.stage("material"):
             there = law_on_device(law, device, **policy)
             mass = voxel_mass_g(body.volume, body.region, there, device, partial_volume=treatment)
-    return Model(coarse.mesh, add(parts), sampling, law, add_alarms(alarms, mass, treatment), calibrated)
+    counted = add_alarms(alarms, mass_voxels_g=mass, partial_volume=treatment)
+    return Model(coarse.mesh, add(parts), sampling, law, counted, calibrated)
 
 
 def _next(slabs: Iterator[Slab], clock: Clock) -> Slab | None:

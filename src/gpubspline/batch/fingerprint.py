@@ -31,10 +31,22 @@ def fingerprint(subject: Subject, settings: Mapping[str, str]) -> str:
     InputError where a file cannot be read.
     """
     contents = {str(path): _checksum(path) for path in subject.files}
-    options = {name: contents.get(value, value) for name, value in subject.options.items()}
+    options = {name: _told(value, contents) for name, value in subject.options.items()}
     inputs = [contents[str(path)] for path in subject.inputs]
     known = {"version": version("gpubspline"), "settings": dict(settings), "options": options, "inputs": inputs}
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
+
+
+def _told(value: str, contents: Mapping[str, str]) -> str:
+    """An option with its files by their content; of several texts each, behind its label."""
+    if value in contents:
+        return contents[value]
+    return ";".join(name + equals + contents.get(text, text) for name, equals, text in map(_parted, value.split(";")))
+
+
+def _parted(text: str) -> tuple[str, str, str]:
+    name, equals, value = text.rpartition("=")
+    return name, equals, value
 
 
 def _checksum(path: Path) -> str:

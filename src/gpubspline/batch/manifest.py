@@ -52,8 +52,9 @@ def read_manifest(path: Path, columns: Mapping[str, str]) -> list[Subject]:
     Arguments
     ---------
     path: CSV with a header of ``subject``, ``input`` and any of the columns; UTF-8, commas.
-    columns: what the cells of each option's column are: ``"text"``, ``"flag"``, ``"file"`` to be read, or
-        ``"new file"``, a name in the subject's own folder. A text that ends in ``.toml`` is a file to be read.
+    columns: what the cells of each option's column are: ``"text"``, ``"texts"`` parted by ``;``, ``"flag"``, ``"file"``
+        to be read, or ``"new file"``, a name in the subject's own folder. A text that ends in ``.toml`` is a file to be
+        read, in texts what follows a ``=``.
 
     Raises
     ------
@@ -123,9 +124,21 @@ def _subject(line: int, cells: list[str], header: list[str], columns: Mapping[st
         if kind == "file" or (kind == "text" and cell.lower().endswith(".toml")):
             files.append(_existing(cell, path, where))
             options[column] = str(files[-1])
+        elif kind == "texts":
+            options[column] = ";".join(_with_files(cell, path, where, files))
         elif kind != "flag" or _is_yes(cell, column, where):
             options[column] = _plain_name(cell, column, where) if kind == "new file" else cell
     return Subject(name, line, inputs, options, tuple(files))
+
+
+def _with_files(cell: str, manifest: Path, where: str, files: list[Path]) -> Iterator[str]:
+    """Texts of a cell, those of files with their paths, which join ``files``."""
+    for text in filter(None, map(str.strip, cell.split(";"))):
+        name, equals, value = text.rpartition("=")
+        if value.lower().endswith(".toml"):
+            files.append(_existing(value, manifest, where))
+            value = str(files[-1])
+        yield f"{name}{equals}{value}"
 
 
 def _existing(text: str, manifest: Path, where: str) -> Path:

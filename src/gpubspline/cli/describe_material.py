@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice
@@ -76,8 +77,9 @@ def material_lines(figures: dict[str, Any]) -> list[str]:
     across = figures["transverse_law"]
     if across is not None:
         lines.append(f"orthotropic along w by the law {law['name']}, across it by {across['name']}")
-    lines += _alarm_lines(alarms, law, figures.get("volume_mm3"))
-    for each in filter(None, (law, across)):
+    parts = figures.get("law_by_label") or []
+    lines += _alarm_lines(alarms, law, figures.get("volume_mm3"), parts)
+    for each in filter(None, [*([part["law"] for part in parts] or [law]), across]):
         if each["unconfirmed"]:
             lines += _wrapped(f"unconfirmed of the law {each['name']}: " + "; ".join(each["unconfirmed"]))
     return lines + (_wrapped(f"unconfirmed of the {across['orthotropy_unconfirmed']}") if across else [])
@@ -87,21 +89,33 @@ def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
 
 
-def _alarm_lines(alarms: dict[str, Any], law: dict[str, Any], volume_mm3: dict[str, Any] | None) -> list[str]:
+def _part_lines(parts: Sequence[dict[str, Any]]) -> list[str]:
+    """What the law of each label makes of its elements."""
+    lines = []
+    for part in parts:
+        e, of = part["modulus_mpa"], f"the set {part['set']}" if part["label"] else "the rest"
+        span = f"{e['min']:.6g}" if e["min"] == e["max"] else f"{e['min']:.0f} to {e['max']:.0f}"
+        lines.append(f"{_UNDER}{of}: {part['law']['name']}, {part['elements']:,} elements, E {span} MPa")
+    return lines
+
+
+def _alarm_lines(
+    alarms: dict[str, Any], law: dict[str, Any], volume_mm3: dict[str, Any] | None, parts: Sequence[dict[str, Any]]
+) -> list[str]:
     of, depth, order = alarms["of"], alarms["surface_depth_mm"], alarms["order_difference"]
     inside = ", what the scan spread over the surface folded back in" if alarms["partial_volume"] == "fold" else ""
     inside = inside if depth is None else f", the surface read {depth:g} mm inside"
-    low, high = law["range_hu"]
-    lines = [
-        f"mapping    {alarms['mapping']}{inside}, by the law {law['name']}",
-        f"alarms     {alarms['outside_law']:.2%} of the {of} outside the law's {low:.0f} to {high:.0f} HU "
-        f"({law['out_of_range_policy']})",
-    ]
+    by = "by laws of labels" if parts else f"by the law {law['name']}"
+    covered, specimens = "what their laws cover", "of their law"
+    if not parts:
+        low, high = law["range_hu"] or (-inf, inf)
+        covered = f"the law's {low:.0f} to {high:.0f} HU"
+        low, high = law["specimens_g_cm3"] or (0, 0)
+        specimens = f"{low:g} to {high:g} g/cm3"
+    lines = [f"mapping    {alarms['mapping']}{inside}, {by}", *_part_lines(parts)]
+    lines.append(f"alarms     {alarms['outside_law']:.2%} of the {of} outside {covered} ({law['out_of_range_policy']})")
     if alarms["beyond_specimens"] is not None:
-        low, high = law["specimens_g_cm3"]
-        lines.append(
-            f"{_UNDER}{alarms['beyond_specimens']:.2%} lighter or denser than the specimens' {low:g} to {high:g} g/cm3"
-        )
+        lines.append(f"{_UNDER}{alarms['beyond_specimens']:.2%} lighter or denser than the specimens' {specimens}")
     lines.append(f"{_UNDER}{alarms['near_zero_modulus']:.2%} of a modulus below {alarms['near_zero_mpa']:g} MPa")
     mass = alarms["mass_g"]
     if mass["difference"] is not None:

@@ -15,7 +15,7 @@ class Solid:
 
     mesh: Any
     volume: Any = None
-    law: Any = None
+    laws: Any = None
     body: Any = None
     figures: Any = None
 
@@ -51,7 +51,7 @@ def find_model(
         with clock.stage("read"):
             patch = load_model(source[0])
         model = pipeline.sample_patch(patch, sampled.sampling(), device, clock)
-        return Solid(model.mesh, law=model.law)
+        return Solid(model.mesh, laws=model.laws)
     return _from_ct(source, read, region, method, spline, sampled, device, clock)
 
 
@@ -69,7 +69,7 @@ def _from_ct(
     from gpubspline.surface.read import is_surface
 
     sliced, wanted = region.slice_index is not None, region.source(source, read, spline, sampled.surface_depth)
-    shaping, meshing, sampling = spline.shaping(2 if sliced else 3), method.meshing(), sampled.sampling()
+    shaping, meshing, sampling = spline.shaping(2 if sliced else 3), method.meshing(), sampled.sampling(region.labels)
     methods.implied(meshing, shaping, sampling, sliced)  # refuses before any work what does not fit together
     if is_surface(source[0]) and method.ct is None:
         raise InputError(f"expected --ct, which the material of {source[0].name} comes from, got a surface alone")
@@ -78,7 +78,7 @@ def _from_ct(
         choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced)
     how = (choice, wanted, shaping, meshing, sampling, device, clock)
     model, figures = make_model(body, *how, pipeline.sample_patch)
-    return Solid(model.mesh, body.volume, model.law, body, figures)
+    return Solid(model.mesh, body.volume, model.laws, body, figures)
 
 
 def make_model(

@@ -29,7 +29,7 @@ def columns() -> dict[str, str]:
         if panel in _OURS or name in ("summary", "help"):
             continue
         is_file = str(option.metavar).startswith("FILE")
-        kind = "flag" if getattr(option, "is_flag", False) else "text"
+        kind = "flag" if getattr(option, "is_flag", False) else "texts" if option.multiple else "text"
         found[name] = ("new file" if panel == "Output" else "file") if is_file else kind
     return found
 
@@ -91,6 +91,8 @@ def _words(name: str, value: str, folder: Path) -> list[str]:
     kind = columns()[name]
     if kind == "flag":
         return [f"--{name}"]
+    if kind == "texts":
+        return [f"--{name}={each}" for each in value.split(";")]
     return [f"--{name}={folder / value if kind == 'new file' else value}"]
 
 

@@ -4,6 +4,7 @@ import importlib
 import pkgutil
 import re
 import warnings
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -83,7 +84,7 @@ def write(
     format: str | Format | None = None,
     units: str = DEFAULT_UNITS,
     load: LoadCase | str | Path | None = None,
-    law: Law | None = None,
+    law: Law | Mapping[str, Law] | None = None,
     modulus_bins: int | None = None,
     nodal_modulus: bool = False,
     thickness_mm: float = 1.0,
@@ -102,7 +103,7 @@ def write(
     units: ``"mm-N-MPa"`` or ``"m-N-Pa"``; fields whose names end in a unit are converted and renamed.
     load: a load case, or its name or file as ``load_case`` takes it: its regions become node sets and surfaces, its
         supports, forces, pressures and gravity the deck's.
-    law: the material law to cite.
+    law: the material law to cite; or laws by element set, ``""`` that of the rest.
     modulus_bins: element sets by modulus, instead of a modulus by node.
     nodal_modulus: refuse a format that holds no modulus by node.
     thickness_mm: of quads, which are shells in decks.
@@ -132,7 +133,8 @@ def write(
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
     _warn_of_units(mesh)
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)
-    asked_for = Wanted(find_units(units), law, modulus_bins, nodal_modulus, case, thickness_mm, step)
+    laws = {"": law} if isinstance(law, Law) else dict(law or {})
+    asked_for = Wanted(find_units(units), laws, modulus_bins, nodal_modulus, case, thickness_mm, step)
     deck = make_deck(mesh, form, asked_for)
     _warn_of_lost(mesh, form, known)
     form.write(deck, path)
@@ -162,9 +164,9 @@ def _warn_of_lost(mesh: Mesh, form: Format, known: str) -> None:
 
 
 _MATERIAL = re.compile(
-    r"(HU|[EG]\d*_MPa(_\d+)?|nu\d*(_\d+)?|density_g_cm3(_\d+)?|material|scaled_jacobian|axis[12]_[xyz])$"
+    r"(HU|[EG]\d*_MPa(_\d+)?|nu\d*(_\d+)?|density_g_cm3(_\d+)?|material|law|label|scaled_jacobian|axis[12]_[xyz])$"
 )
-"""Fields that a deck's materials stand for, or that are of the mesh itself."""
+"""Fields that a deck's materials or sets stand for, or that are of the mesh itself."""
 
 
 def _check_finite(mesh: Mesh) -> None:

@@ -162,7 +162,7 @@ class Wanted:
     """How a deck is asked for; see ``export.write``."""
 
     units: Units
-    law: Law | None = None
+    laws: Mapping[str, Law] = field(default_factory=dict)
     modulus_bins: int | None = None
     nodal_modulus: bool = False
     load: LoadCase | None = None
@@ -381,10 +381,11 @@ def _loads_in_units(loads: DeckLoads, called: Mapping[str, str], units: Units) -
 
 def _comments(wanted: Wanted, words: str, loads: DeckLoads | None) -> Iterable[str]:
     yield f"Units: {wanted.units.words}. Coordinates: patient, LPS. Labels from 1."
-    if wanted.law is not None:
-        yield f"Material law: {wanted.law.name}, {wanted.law.title}"
-        yield wanted.law.citation
-        yield from (f"Not confirmed from its source: {part}" for part in wanted.law.unconfirmed)
+    for name, law in wanted.laws.items():
+        of = f" of the set {name}" if name else " of the rest" if len(wanted.laws) > 1 else ""
+        yield f"Material law{of}: {law.name}, {law.title}"
+        yield law.citation
+        yield from (f"Not confirmed from its source: {part}" for part in law.unconfirmed)
     if words:
         yield words
     if loads is not None:

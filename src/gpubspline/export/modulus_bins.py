@@ -12,6 +12,9 @@ from gpubspline.mesh.mesh import Mesh
 _CHUNK = 1 << 18
 """Elements averaged at a time, which bounds the memory."""
 
+ROUNDING = 1e-6
+"""Relative difference of moduli that is none: no bin is narrower."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModulusBins:
@@ -40,7 +43,8 @@ class ModulusBins:
 def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
     """Gather elements in bins of modulus, spaced evenly in its logarithm, so that the relative error is even.
 
-    An element's modulus is its element field ``E_MPa``, or the mean of its nodes' where the mesh has none.
+    An element's modulus is its element field ``E_MPa``, or the mean of its nodes' where the mesh has none. Elements of
+    different laws (element field ``law``) share no bin: each law has its own ``bins``.
 
     Raises
     ------
@@ -51,9 +55,11 @@ def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
     modulus = element_values(mesh, "E_MPa")
     if modulus.min() <= 0:
         raise InputError(f"expected positive moduli, got {modulus.min():g} MPa")
-    logarithm = np.log(modulus)
-    span = max(float(np.ptp(logarithm)), 1e-12)
-    number = np.minimum((logarithm - logarithm.min()) / span * bins, bins - 1).astype(np.int64)
+    law = np.unique(mesh.cell_fields.get("law", np.zeros(modulus.size, np.int32)), return_inverse=True)[1]
+    number = np.empty(modulus.size, np.int64)
+    for index in range(law.max() + 1):
+        own = law == index
+        number[own] = index * bins + _number(np.log(modulus[own]), bins)
     present, place, counts = np.unique(number, return_inverse=True, return_counts=True)
 
     def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -71,6 +77,12 @@ def modulus_bins(mesh: Mesh, bins: int) -> ModulusBins:
         poisson_error=float(np.abs(mean(poisson)[place] - poisson).max()),
         source="the modulus of each" if "E_MPa" in mesh.cell_fields else "the mean modulus of its nodes",
     )
+
+
+def _number(logarithm: NDArray[np.float64], bins: int) -> NDArray[np.int64]:
+    """Bin (m,) of each of the moduli."""
+    span = max(float(np.ptp(logarithm)), ROUNDING * bins)
+    return np.asarray(np.minimum((logarithm - logarithm.min()) / span * bins, bins - 1), dtype=np.int64)
 
 
 def element_values(mesh: Mesh, field: str) -> NDArray[np.float64]:

@@ -34,6 +34,7 @@ class Alarms:
     surface_depth_mm: how far inside the HU of the surface was read.
     partial_volume: what was done with the part of the surface's HU that is what lies outside, one of
         ``partial_volume.TREATMENTS``; None where it is not known.
+    by_label: of laws by label what each makes of its elements, plain values; empty of one law.
     """
 
     mapping: str
@@ -47,6 +48,7 @@ class Alarms:
     order_difference: tuple[float, float] | None = None
     surface_depth_mm: float | None = None
     partial_volume: str | None = None
+    by_label: tuple[dict[str, Any], ...] = ()
 
     @property
     def mass_difference(self) -> float | None:
@@ -85,23 +87,19 @@ def count_alarms(
     return Alarms(mapping, of, piece.size, outside, beyond, soft, **others)
 
 
-def add_alarms(
-    parts: Sequence[Alarms], mass_voxels_g: float | None = None, partial_volume: str | None = None
-) -> Alarms:
-    """Alarms of a mesh from those of its parts, which were mapped alike."""
-    first = parts[0]
+def add_alarms(parts: Sequence[Alarms], **others: Any) -> Alarms:
+    """Alarms of a mesh from those of its parts, which were mapped alike; ``others`` are of the whole."""
     beyond = [part.beyond_specimens for part in parts if part.beyond_specimens is not None]
     masses = [part.mass_mesh_g for part in parts if part.mass_mesh_g is not None]
     return Alarms(
-        first.mapping,
-        first.of,
+        parts[0].mapping,
+        parts[0].of,
         sum(part.count for part in parts),
         sum(part.outside for part in parts),
         sum(beyond) if beyond else None,
         sum(part.near_zero for part in parts),
         sum(masses) if masses else None,
-        mass_voxels_g,
-        partial_volume=partial_volume,
+        **others,
     )
 
 

@@ -1,5 +1,6 @@
 """The material of a mesh, by one of four mappings, and the alarms of it."""
 
+from collections.abc import Mapping as Laws
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,11 +13,12 @@ from gpubspline.ct.sampler import hu_sampler
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
-from gpubspline.material.alarms import Alarms, count_alarms
+from gpubspline.material.alarms import Alarms, add_alarms, count_alarms
+from gpubspline.material.by_label import Share, joined, numbered, shares, told
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import LawOnDevice, Material, apply_material, check_policy, law_on_device
+from gpubspline.material.mapping import Material, apply_material, check_policy, law_on_device
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.registry import law as find_law
 from gpubspline.material.voxel_mass import voxel_mass_g
@@ -75,6 +77,16 @@ class Mapping:
         if self.transverse is not None and not self.how.startswith("element"):
             raise InputError(f"expected a transverse law with element-hu or element-e, got the mapping {self.how}")
 
+    def check_by_label(self) -> None:
+        """Raise InputError where laws by label do not go with this mapping."""
+        if self.how == "nodal":
+            raise InputError(
+                f"expected a mapping of {', '.join(MAPPINGS[1:])} with laws by label, got {self.how}: a node between "
+                "two labels has both materials"
+            )
+        if self.transverse is not None:
+            raise InputError("expected laws by label or a transverse law, got both")
+
     @property
     def treatment(self) -> str:
         """Of the partial volume: a depth leaves nothing to fold."""
@@ -86,8 +98,10 @@ def assign(
     law: Law | None = None,
     mapping: Mapping | None = None,
     *,
+    by_label: Laws[int, Law] | None = None,
     volume: Volume | None = None,
     region: Region | None = None,
+    labels: NDArray[np.integer] | None = None,
     device: Device | None = None,
 ) -> tuple[Mesh, Alarms]:
     """Give a mesh the material of its HU.
@@ -97,9 +111,11 @@ def assign(
     mesh: with the nodal field ``"HU"``; hexes or quads.
     law: the paper's, ``DEFAULT_LAW``, unless told.
     mapping: the paper's, at nodes, unless told.
+    by_label: laws of the elements of some labels, by number; ``law`` is that of the rest. See ``by_label.py``.
     volume, region: the CT and the body in it; on one grid the mesh's mass is compared with the voxels'.
         ``element-hu``, ``element-e`` and ``gauss`` integrate the CT itself; without it the HU that is interpolated from
         the nodes.
+    labels: (n_k, n_j, n_i) label of each voxel on the region's grid, for the voxels' mass by ``by_label``.
     device: where to compute; ``open_device()`` unless told.
 
     Returns
@@ -113,31 +129,30 @@ def assign(
 
     Raises
     ------
-    InputError where the mesh has no HU, a depth is asked for without CT and region, and as ``map_material``.
+    InputError where the mesh has no HU, a depth is asked for without CT and region, laws by label come with a mapping
+    to nodes, with a transverse law or without labels, and as ``map_material``.
     """
     law, mapping, device = law or find_law(), mapping or Mapping(), device or open_device()
     if mapping.surface_depth_mm is not None and (volume is None or region is None):
         raise InputError("expected the CT to read the surface's HU at a depth from, got a mesh or a model alone")
-    there = law_on_device(law, device, **mapping.policy)
-    mapped, alarms = (_nodal if mapping.how == "nodal" else _elements)(
-        mesh, law, there, mapping, volume, region, device
-    )
+    if by_label:
+        mapping.check_by_label()
+    if mapping.how == "nodal":
+        mapped, alarms = _nodal(mesh, law, mapping, volume, region, device)
+    else:
+        mapped, alarms = _elements(mesh, law, by_label or {}, mapping, volume, region, device)
     mass, depth, treatment = None, mapping.surface_depth_mm, None
     if volume is not None and region is not None:
         treatment = mapping.treatment
         if mesh.element.dimension == 3 and region.is_on(volume):
-            mass = voxel_mass_g(volume, region, there, device, depth, partial_volume=treatment)
+            there = {label: law_on_device(each, device, **mapping.policy) for label, each in (by_label or {}).items()}
+            how: dict[str, Any] = {"partial_volume": treatment, "by_label": there, "labels": labels}
+            mass = voxel_mass_g(volume, region, law_on_device(law, device, **mapping.policy), device, depth, **how)
     return mapped, replace(alarms, mass_voxels_g=mass, surface_depth_mm=depth, partial_volume=treatment)
 
 
 def _nodal(
-    mesh: Mesh,
-    law: Law,
-    there: LawOnDevice,
-    mapping: Mapping,
-    volume: Volume | None,
-    region: Region | None,
-    device: Device,
+    mesh: Mesh, law: Law, mapping: Mapping, volume: Volume | None, region: Region | None, device: Device
 ) -> tuple[Mesh, Alarms]:
     if mapping.surface_depth_mm is not None and volume is not None and region is not None:
         mesh = mesh.with_fields({"HU": _hu_from_inside(mesh, volume, region, mapping.surface_depth_mm, device)})
@@ -171,7 +186,7 @@ def _hu_from_inside(mesh: Mesh, volume: Volume, region: Region, depth_mm: float,
 def _elements(
     mesh: Mesh,
     law: Law,
-    there: LawOnDevice,
+    by_label: Laws[int, Law],
     mapping: Mapping,
     volume: Volume | None,
     region: Region | None,
@@ -194,29 +209,49 @@ def _elements(
         "points": mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
         "device": device,
     }
-    made = integrate(mesh, there, keep_gauss=gauss, **how)
-    policy = mapping.policy.get("policy", "clamp")
-    if policy == "error":
-        _refuse_outside(made, law, mapping.how)
-    outside = np.zeros_like(made.piece) if policy == "floor" else -made.piece
+    split = shares(mesh, law, by_label) if by_label else [Share(0, law, np.arange(mesh.n_elements))]
+    parts, alarms, materials = [], [], []
+    for share in split:
+        part, there = share.part(mesh) if by_label else mesh, law_on_device(share.law, device, **mapping.policy)
+        parts.append(_exact(integrate(part, there, keep_gauss=gauss, **how), share.law))
+        alarms.append(_alarms_of(parts[-1], share.law, mapping.how, mesh.element.dimension))
+        materials.append(_pieces(parts[-1], share.law, mapping))
+    made = joined(parts, split)
     fields = {"HU": made.hu, "density_g_cm3": made.density_g_cm3, "E_MPa": made.modulus_mpa, "nu": made.poisson}
     fields |= gauss_fields(made) if gauss else {}
-    fields["material"] = np.where(made.piece < 0, outside, made.piece + 1)
-    alarms = count_alarms(
-        mapping.how,
-        "elements",
-        law,
-        made.density_g_cm3,
-        made.modulus_mpa,
-        made.piece,
-        mass_mesh_g=made.mass_g if mesh.element.dimension == 3 else None,
-        order_difference=made.order_difference,
-    )
+    fields |= numbered(mesh, materials, split) if by_label else {"material": materials[0]}
+    each = zip(split, alarms, parts, strict=True)
+    of_labels = tuple(told(share, own, part.modulus_mpa) for share, own, part in each) if by_label else ()
     mapped = mesh.with_cell_fields(fields)
     if mapping.transverse is not None:
         across = integrate(mesh, law_on_device(mapping.transverse, device, **mapping.policy), **how)
         mapped = with_orthotropy(mapped, made.modulus_mpa, across.modulus_mpa, made.poisson)
-    return mapped, alarms
+    return mapped, add_alarms(alarms, order_difference=made.order_difference, by_label=of_labels)
+
+
+def _exact(made: ElementMaterial, law: Law) -> ElementMaterial:
+    """Means of what is constant, without the rounding of the integration."""
+    if not law.is_constant:
+        return made
+    (piece,) = law.pieces
+    e, nu = np.full_like(made.modulus_mpa, piece.offset_mpa), np.full_like(made.poisson, piece.poisson)
+    rho = np.full_like(e, law.density.intercept_g_cm3) if law.density.is_constant else made.density_g_cm3
+    return replace(made, modulus_mpa=e, other_modulus_mpa=e, poisson=nu, density_g_cm3=rho)
+
+
+def _alarms_of(made: ElementMaterial, law: Law, how: str, dimension: int) -> Alarms:
+    mass = made.mass_g if dimension == 3 else None
+    counted = (made.density_g_cm3, made.modulus_mpa, made.piece)
+    return count_alarms(how, "elements", law, *counted, mass_mesh_g=mass)
+
+
+def _pieces(made: ElementMaterial, law: Law, mapping: Mapping) -> NDArray[np.int32]:
+    """Field ``material`` of elements of one law; raises InputError where the policy refuses their HU."""
+    policy = mapping.policy.get("policy", "clamp")
+    if policy == "error":
+        _refuse_outside(made, law, mapping.how)
+    outside = np.zeros_like(made.piece) if policy == "floor" else -made.piece
+    return np.where(made.piece < 0, outside, made.piece + 1)
 
 
 def _refuse_outside(made: ElementMaterial, law: Law, how: str) -> None:

@@ -93,7 +93,7 @@ class DensityRelation:
 
     Raises
     ------
-    InputError for a kind that does not exist or a relation that does not rise.
+    InputError for a kind that does not exist or a relation that falls, or stays at no density.
     """
 
     kind: str
@@ -107,7 +107,8 @@ class DensityRelation:
         """Check the relation once, at the door."""
         if self.kind not in DENSITY_KINDS:
             raise InputError(f"expected a density kind of {', '.join(DENSITY_KINDS)}, got {self.kind!r}")
-        _check_rise(self.slope_g_cm3_per_hu, self.intercept_g_cm3, "HU")
+        if not (self.is_constant and 0 < self.intercept_g_cm3 < np.inf):
+            _check_rise(self.slope_g_cm3_per_hu, self.intercept_g_cm3, "HU")
 
     @classmethod
     def from_points(
@@ -130,6 +131,11 @@ class DensityRelation:
         return cls(kind, slope, rho_0 - slope * hu_0, source, steps, table)
 
     @property
+    def is_constant(self) -> bool:
+        """Whether the density is one, whatever the HU."""
+        return self.slope_g_cm3_per_hu == 0
+
+    @property
     def lines(self) -> tuple[tuple[float, float, float], ...]:
         """(HU from which it holds, slope, intercept) of each straight line, by rising HU; the first has no start."""
         if not self.table:
@@ -146,7 +152,11 @@ class DensityRelation:
         return max(slope * hu + intercept, 0.0)
 
     def hu(self, density_g_cm3: float) -> float:
-        """HU of a density: the relation read backwards."""
+        """HU of a density: the relation read backwards; raises InputError where there is one density for all HU."""
+        if self.is_constant:
+            raise InputError(
+                f"expected a density that rises with HU, got {self.intercept_g_cm3:g} g/cm3 for all of them"
+            )
         lines = self.lines
         starts = [-np.inf] + [slope * hu + intercept for hu, slope, intercept in lines[1:]]
         _, slope, intercept = [line for line, start in zip(lines, starts, strict=True) if density_g_cm3 >= start][-1]

@@ -9,10 +9,13 @@ from gpubspline.errors import InputError
 from gpubspline.material.density import DENSITY_KINDS as DENSITY_KINDS
 from gpubspline.material.density import DensityRelation as DensityRelation
 
+FARTHEST_HU = 1e6
+"""Beyond any HU, either way: the range of a law that asks for none."""
+
 
 @dataclass(frozen=True)
 class Piece:
-    """One power law, ``E = factor * rho**exponent + offset``, on ``lower <= HU < upper``.
+    """One power law, ``E = factor * rho**exponent + offset``, on ``lower <= HU < upper``; a constant of factor 0.
 
     Attributes
     ----------
@@ -24,7 +27,7 @@ class Piece:
 
     Raises
     ------
-    InputError for an empty range, a factor or exponent out of bounds, or a Poisson's ratio of no solid.
+    InputError for an empty range, a negative factor, an exponent out of bounds, or a Poisson's ratio of no solid.
     """
 
     lower_hu: float
@@ -38,9 +41,9 @@ class Piece:
         """Check the numbers once, at the door."""
         if not -np.inf < self.lower_hu < self.upper_hu < np.inf:
             raise InputError(f"expected a range of HU that rises, got {self.lower_hu:g} to {self.upper_hu:g}")
-        if not (0 < self.factor_mpa < np.inf and 0 < self.exponent <= 10 and np.isfinite(self.offset_mpa)):
+        if not (0 <= self.factor_mpa < np.inf and 0 < self.exponent <= 10 and np.isfinite(self.offset_mpa)):
             power = f"{self.factor_mpa:g} rho^{self.exponent:g} + {self.offset_mpa:g}"
-            raise InputError(f"expected a positive factor and an exponent above 0 up to 10, got E = {power}")
+            raise InputError(f"expected a factor of 0 or more and an exponent above 0 up to 10, got E = {power}")
         if not 0 <= self.poisson < 0.5:
             raise InputError(f"expected a Poisson's ratio from 0 up to and without 0.5, got {self.poisson:g}")
 
@@ -112,6 +115,11 @@ class Law:
         return self.pieces[0].lower_hu, self.pieces[-1].upper_hu
 
     @property
+    def is_constant(self) -> bool:
+        """Whether it gives one modulus, whatever the HU: it has no range then that anybody measured."""
+        return len(self.pieces) == 1 and self.pieces[0].factor_mpa == 0
+
+    @property
     def all_unconfirmed(self) -> tuple[str, ...]:
         """What could not be confirmed, of the law and of the steps to its density."""
         return (*self.unconfirmed, *self.density.unconfirmed)
@@ -120,8 +128,10 @@ class Law:
         """Take the density from another relation, such as a calibration of the scanner.
 
         The relation is gone on from to the law's kind of density. Each piece keeps the densities at its ends, and with
-        them every density its modulus; its HU change.
+        them every density its modulus; its HU change. One density whatever the HU stays.
         """
+        if self.density.is_constant:
+            return self
         relation = relation.to(self.density.kind)
 
         def moved(hu: float) -> float:
@@ -134,6 +144,10 @@ class Law:
         )
         return replace(self, density=relation, pieces=pieces)
 
+    def beside(self, other: "Law") -> "Law":
+        """The same law beside another in one mesh: a constant without a density of its own takes that of the other."""
+        return replace(self, density=other.density) if self.is_constant and not self.density.is_constant else self
+
     def jumps(self) -> list[tuple[float, float, float]]:
         """List where the modulus steps by more than 1 %: (HU, MPa below, MPa above) of each such boundary."""
         steps = []
@@ -143,3 +157,30 @@ class Law:
             if abs(above - below) > 0.01 * max(below, above):
                 steps.append((high.lower_hu, below, above))
         return steps
+
+
+def constant_law(
+    modulus_mpa: float, poisson: float, density_g_cm3: float | None = None, *, density: DensityRelation
+) -> Law:
+    """Make a law of one modulus and one Poisson's ratio, whatever the HU: of an implant, or of what has no law.
+
+    Arguments
+    ---------
+    density_g_cm3: one density as well; that of the HU by ``density`` where None.
+    density: the relation of the laws beside it.
+
+    Raises
+    ------
+    InputError for a modulus, a Poisson's ratio or a density of no solid.
+    """
+    if not 0 < modulus_mpa < np.inf:
+        raise InputError(f"expected a positive modulus in MPa, got {modulus_mpa:g}")
+    words = f"constant:E={modulus_mpa:g},nu={poisson:g}"
+    if density_g_cm3 is not None:
+        if not 0 < density_g_cm3 < np.inf:
+            raise InputError(f"expected a positive density in g/cm3, got {density_g_cm3:g}")
+        words += f",rho={density_g_cm3:g}"
+        density = DensityRelation(density.kind, 0.0, density_g_cm3, "given")
+    title = "one modulus, whatever the HU; " + ("density by the HU" if density_g_cm3 is None else "density given")
+    piece = Piece(-FARTHEST_HU, FARTHEST_HU, 0.0, 1.0, modulus_mpa, poisson)
+    return Law(words, title, density, (piece,), citation="given by the user")

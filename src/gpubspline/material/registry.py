@@ -30,17 +30,20 @@ A file holds one table per law::
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
+from math import inf, isfinite
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from gpubspline.errors import InputError
 from gpubspline.material.density import DensityRelation, conversion, first_step
-from gpubspline.material.laws import Law, Piece
+from gpubspline.material.laws import Law, Piece, constant_law
 from gpubspline.tables import checked, pair, parse, read_text
 
 DEFAULT_LAW = "wirtz-2000"
 """Eqs 3.6 and 3.7 of the paper."""
+
+_CONSTANT = "constant:E=...,nu=...[,rho=...]"
 
 
 @lru_cache(maxsize=1)
@@ -55,18 +58,43 @@ def law(name: str | Path = DEFAULT_LAW) -> Law:
 
     Arguments
     ---------
-    name: a name of ``laws()``, or the path of a file that ends in ``.toml`` (schema: this module's docstring).
+    name: a name of ``laws()``; the path of a file that ends in ``.toml`` (schema: this module's docstring); or
+        ``"constant:E=110000,nu=0.3,rho=4.43"``, MPa and g/cm3, of which ``rho`` may be left out: then the density is
+        that of the HU by the default law.
 
     Raises
     ------
     InputError where there is no such law or file, or the file holds anything but one law.
     """
+    if is_constant(name):
+        return _constant(str(name))
     if isinstance(name, Path) or name.lower().endswith(".toml"):
         return _law_of_file(Path(name))
     if name not in laws():
         known = ", ".join(laws())
-        raise InputError(f"expected a material law of {known}, or a .toml file, got {name!r}")
+        raise InputError(f"expected a material law of {known}, a .toml file or {_CONSTANT}, got {name!r}")
     return laws()[name]
+
+
+def is_constant(name: str | Path) -> bool:
+    """Whether a text asks for one modulus, whatever the HU."""
+    return isinstance(name, str) and name.partition(":")[0].strip().lower() == "constant"
+
+
+def _constant(text: str) -> Law:
+    given: dict[str, float] = {}
+    for part in text.partition(":")[2].split(","):
+        key, _, value = (each.strip() for each in part.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            number = inf
+        if key not in ("E", "nu", "rho") or key in given or not isfinite(number):
+            raise InputError(f"expected {_CONSTANT} (MPa, g/cm3), got {text!r}")
+        given[key] = number
+    if not {"E", "nu"} <= given.keys():
+        raise InputError(f"expected {_CONSTANT} (MPa, g/cm3), got {text!r}")
+    return constant_law(given["E"], given["nu"], given.get("rho"), density=laws()[DEFAULT_LAW].density)
 
 
 def _law_of_file(path: Path) -> Law:

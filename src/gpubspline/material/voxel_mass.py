@@ -1,5 +1,6 @@
 """Mass of a body by its voxels, which that of its mesh is compared with."""
 
+from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
@@ -32,6 +33,8 @@ def voxel_mass_g(
     surface_depth_mm: float | None = None,
     *,
     partial_volume: str = "none",
+    by_label: Mapping[int, LawOnDevice] | None = None,
+    labels: NDArray[np.integer] | None = None,
 ) -> float:
     """Mass of a region by its voxels: the density that the law gives each, times its part inside.
 
@@ -44,9 +47,32 @@ def voxel_mass_g(
     surface_depth_mm: voxels nearer to the surface take their HU from this far inside, as the mesh does.
     partial_volume: ``"fold"`` gives them what the scan spread outside, as the mesh has it; with ``"none"`` a voxel that
         is half air counts its half of a density that is half air's, too.
+    by_label: laws of some of the ``labels`` (n_k, n_j, n_i) of voxels, where they are told.
     """
     part = _parts_inside(region)
     inside = np.flatnonzero(part)
+    how = (device, surface_depth_mm, partial_volume)
+    if not by_label or labels is None:
+        return _mass_g(volume, region, law, inside, part, *how)
+    own, total = labels.reshape(-1)[inside], 0.0
+    for label, its_law in by_label.items():
+        total += _mass_g(volume, region, its_law, inside[own == label], part, *how)
+    return total + _mass_g(volume, region, law, inside[~np.isin(own, list(by_label))], part, *how)
+
+
+def _mass_g(
+    volume: Volume,
+    region: Region,
+    law: LawOnDevice,
+    inside: NDArray[Any],
+    part: NDArray[np.float32],
+    device: Device,
+    surface_depth_mm: float | None,
+    partial_volume: str,
+) -> float:
+    """Mass of the voxels ``inside``, by their flat indices."""
+    if not inside.size:
+        return 0.0
     hu, weight = volume.hu.reshape(-1)[inside].astype(np.float32), part.reshape(-1)[inside].astype(np.float64)
     if surface_depth_mm is not None:
         hu = _read_from_inside(volume, region, inside, hu, surface_depth_mm, device)

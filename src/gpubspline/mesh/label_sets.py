@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from gpubspline.ct.labels import Labels
 from gpubspline.ct.volume import Volume
@@ -58,6 +59,26 @@ def label_map(labels: Labels, numbers: list[int], volume: Volume) -> NDArray[np.
     for index, number in enumerate(numbers, start=1):
         found[labels.read(number).inside & (found == 0)] = index
     return found
+
+
+def labels_in(volume: Volume, labels: Labels, whole: Volume) -> NDArray[np.int16]:
+    """Position (n_k, n_j, n_i) of each voxel's label in ``list(labels.names)``, from 1, in a window of the whole scan.
+
+    ``volume``: the window; ``labels`` are on the grid of ``whole``.
+    """
+    first = np.rint(whole.to_indices(volume.affine[:3, 3][None])[0]).astype(int)
+    window = tuple(slice(a, a + n) for a, n in zip(first[::-1], volume.hu.shape, strict=True))
+    return label_map(labels, list(labels.names), whole)[window]
+
+
+def labels_round(inside: NDArray[np.bool_], volume: Volume, labels: Labels, whole: Volume) -> NDArray[np.int32]:
+    """Number (n_k, n_j, n_i) of each voxel's label, 0 for none; outside a body, where it has none, the nearest inside.
+
+    ``inside``: the body's voxels; ``volume`` and the others as of ``labels_in``.
+    """
+    found = np.array([0, *labels.names], dtype=np.int32)[labels_in(volume, labels, whole)]
+    nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    return np.asarray(np.where(inside | (found != 0), found, found[tuple(nearest)]))
 
 
 def _winners(

@@ -1,6 +1,7 @@
 """The figures of a run as one JSON document, without anything that identifies a patient."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ def summary(
     seconds: dict[str, float],
     *,
     law: Law | None = None,
+    law_of_set: Mapping[str, Law] | None = None,
     policy: str | None = None,
     alarms: Alarms | None = None,
     calibrated: Calibrated | None = None,
@@ -44,6 +46,7 @@ def summary(
     device: where the kernels ran.
     seconds: wall time of each stage by name; ``total`` is added where it is missing.
     law, policy: of the material, and for HU outside it.
+    law_of_set: laws of labels, by their element sets.
     alarms: counts of its mapping.
     calibrated: the calibration that the law's density comes from.
     transverse: law across the axis of orthotropic elements.
@@ -83,6 +86,7 @@ def summary(
         "modulus_mpa": _spread(counted.spreads.get("E_MPa")),
         "out_of_range_nodes": counted.out_of_range,
         "law": None if law is None else describe_law(law, policy),
+        "law_by_label": _of_sets({"": law, **(law_of_set or {})}, alarms, policy),
         "transverse_law": None if transverse is None else describe_law(transverse, policy) | _HUBER,
         "alarms": None if alarms is None else alarms.to_dict(),
         "calibration": None if calibrated is None else calibrated.to_dict(),
@@ -102,6 +106,19 @@ def validity_figures(certificate: Certificate | None) -> dict[str, Any]:
     return {"certified_valid": certificate.valid, "jacobian_determinant": certificate.to_dict()}
 
 
+def _of_sets(laws: Mapping[str, Law | None], alarms: Alarms | None, policy: str | None) -> list[dict[str, Any]] | None:
+    """What each label's law makes of its elements, with its pedigree; None of one law. The set ``""`` is the rest."""
+    if alarms is None or not alarms.by_label:
+        return None
+    names = iter(name for name in laws if name)
+    found = []
+    for share in alarms.by_label:
+        name = next(names) if share["label"] else ""
+        law = laws[name]
+        found.append({"set": name, **share, "law": None if law is None else describe_law(law, policy)})
+    return found
+
+
 def describe_law(law: Law, policy: str | None) -> dict[str, Any]:
     """Name a law with its pedigree, and the policy for HU outside it."""
     return {
@@ -119,7 +136,7 @@ def describe_law(law: Law, policy: str | None) -> dict[str, Any]:
         "direction": law.direction,
         "strain_rate_per_s": law.strain_rate_per_s,
         "specimens_g_cm3": law.specimens_g_cm3 and list(law.specimens_g_cm3),
-        "range_hu": list(law.range_hu),
+        "range_hu": None if law.is_constant else list(law.range_hu),
         "unconfirmed": list(law.all_unconfirmed),
         "out_of_range_policy": policy,
     }

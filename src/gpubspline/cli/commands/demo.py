@@ -43,7 +43,7 @@ def demo(
         figures = pipeline.summarise(model, device, clock, fitted)
         files.write(model, figures, clock)
         with clock.stage("write"):
-            write(model.mesh, deck, law=model.law)
-        known = {"quality": model.counted.quality, "volume": fitted.volume, "laws": [model.law]}
+            write(model.mesh, deck, law=model.laws)
+        known = {"quality": model.counted.quality, "volume": fitted.volume, "laws": list(model.laws.values())}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
     run.say([*describe.summary_lines(figures), *describe.wrote([series, *files.paths, deck, *page.paths])])

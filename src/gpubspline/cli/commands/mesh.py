@@ -45,7 +45,7 @@ def mesh(
     page.check([*source, *files.paths, *method.paths])
     sliced, wanted = region.slice_index is not None, region.source(source, read, spline, sampled.surface_depth)
     shaping, meshing = spline.shaping(2 if sliced else 3), method.meshing(files.allow_inverted)
-    sampling, device = sampled.sampling(), run.open()
+    sampling, device = sampled.sampling(region.labels), run.open()
     if sampling.mapping.transverse is not None:
         deck.check_orthotropy(files.output)
     files.check_elements(sampling, 2 if sliced else 3)
@@ -67,7 +67,7 @@ def mesh(
         model, figures = make_model(body, *how, files.make)
         files.write(model, figures, clock)
         method.write(body.region, figures, clock)
-        known = {"quality": model.counted.quality, "volume": body.volume, "laws": [model.law] if model.law else []}
+        known = {"quality": model.counted.quality, "volume": body.volume, "laws": list(model.laws.values())}
         page.write(context, clock, f"Mesh of {describe.kind(model.counted)}", model.mesh, figures, **known)
     written = [*files.paths, *method.paths, *page.paths]
     run.say([*describe.summary_lines(figures), *describe.deck_lines(figures), *describe.wrote(written)])

@@ -60,7 +60,7 @@ def solve(
             method.write(solid.body.region, solid.figures, clock)
         if page.report:
             judged, quality = assess(response.mesh, device)
-            known = {"quality": quality, "volume": solid.volume, "laws": [solid.law] if solid.law else []}
+            known = {"quality": quality, "volume": solid.volume, "laws": list((solid.laws or {}).values())}
             title = f"{case.title or case.name}: {describe.kind(judged)} solved"
             page.write(context, clock, title, judged, figures, **known)
     made = [] if solid.figures is None else describe.method_lines(solid.figures["method"], solid.figures["size_mm"])

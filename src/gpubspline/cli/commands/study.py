@@ -19,10 +19,11 @@ from gpubspline.cli.options import (
     flattened,
 )
 from gpubspline.cli.solid import is_model
+from gpubspline.errors import InputError
 
 
 @app.command()
-@partial(flattened, without=("nodes", "slice_index", "optimize", "labels"))  # it samples solids, --nodes-list times
+@partial(flattened, without=("nodes", "slice_index", "optimize"))  # it samples solids, --nodes-list times
 def study(
     context: typer.Context,
     source: Annotated[
@@ -40,19 +41,24 @@ def study(
     from gpubspline.analysis.convergence import converge
     from gpubspline.analysis.study import identity, run_study
     from gpubspline.cli import describe, describe_study
-    from gpubspline.pipeline import calibrate, sample_material
+    from gpubspline.pipeline import calibrate, label_arrays, sample_material
 
     page.check([*source, *region.files, *sampled.files])
-    studied, device, sampling = wanted.study(), run.open(), sampled.sampling()
+    studied, device, sampling = wanted.study(), run.open(), sampled.sampling(region.labels)
+    if region.labels is not None and not sampling.law_by_label:
+        raise InputError("expected a --law LABEL=LAW with --labels, which a study has no other use for, got none")
     with run.clock() as clock:
         patch, body = _body(source, read, region, spline, sampled.surface_depth, device, clock)
+        labels = [] if body is None else label_arrays(sampling, body)
         sampling, _ = calibrate(sampling, body)  # once, and the key has what came of it, not where its files lie
 
         def make(nodes: tuple[int, int, int]) -> Any:
             return sample_material(patch, replace(sampling, nodes=nodes), device, body)
 
         scan = () if body is None or body.volume is None else (body.volume.hu, body.volume.affine)
-        made_from = identity(patch, sampling, run.precision, arrays=scan)  # other mappings than nodal read the CT
+        made_from = identity(
+            patch, sampling, run.precision, arrays=[*scan, *labels]
+        )  # other mappings than nodal read the CT
         where: dict[str, Any] = {"folder": wanted.output, "device": device, "clock": clock, "made_from": made_from}
         found = converge(run_study(studied, patch, make, wanted.samples(patch.shape), **where))
         wanted.write(found, device)
@@ -79,7 +85,9 @@ def _report(
     judged, quality = assess(finest, device)
     figures = {key: value for key, value in found.to_dict().items() if key not in ("models", "limits")}
     figures |= {"backend": device.backend, "device": device.label}
-    known: dict[str, Any] = {"quality": quality, "laws": [sampling.law]} | study_parts(found)
+    known: dict[str, Any] = {"quality": quality, "laws": [sampling.law, *sampling.law_by_label.values()]} | study_parts(
+        found
+    )
     case = found.models[-1]["load_case"]
     title = f"{case['title'] or case['name']}: {len(found.models)} meshes, the finest of {describe.kind(judged)}"
     volume = None if body is None else body.volume

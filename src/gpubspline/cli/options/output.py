@@ -127,7 +127,7 @@ class OutputOptions:
             model.counted.quality.check()
         if not self._streamed:
             with clock.stage("write"):
-                figures["deck"] = write(model, self.output, law=model.law, **self._deck.how())
+                figures["deck"] = write(model, self.output, law=model.laws, **self._deck.how())
         if self.picture:
             with clock.stage("picture"):
                 write_picture(model.mesh, self.picture, field=self.field)

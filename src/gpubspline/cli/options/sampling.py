@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import complete_law, option
-from gpubspline.cli.options.texts import integers
+from gpubspline.cli.options.texts import integers, law_of_label
 from gpubspline.errors import InputError
 
 
@@ -22,11 +22,12 @@ class SamplingOptions:
         bool, option("Mesh", "move nodes for better hexes, those of the surface along it", "--optimize")
     ] = False
     law: Annotated[
-        str | None,
+        list[str] | None,
         option(
             "Material",
-            "see 'gpubspline laws' (default: wirtz-2000)",
-            metavar="NAME|FILE.toml",
+            "see 'gpubspline laws' (default: wirtz-2000), or constant:E=MPA,nu=N[,rho=G_CM3]; LABEL=LAW for a label of "
+            "--labels alone, once for each",
+            metavar="[LABEL=]LAW",
             complete=complete_law,
         ),
     ] = None
@@ -35,13 +36,14 @@ class SamplingOptions:
     )
     floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor'", metavar="MPA")] = None
     mapping: Annotated[
-        str,
+        str | None,
         option(
             "Material",
-            "law at nodes or Gauss points (nodal, gauss), of an element's mean HU or its mean (element-hu, element-e)",
+            "law at nodes or Gauss points (nodal, gauss), of an element's mean HU or its mean (element-hu, element-e) "
+            "(default: nodal; element-e with laws of labels)",
             metavar="HOW",
         ),
-    ] = "nodal"
+    ] = None
     transverse_law: Annotated[
         str | None,
         option("Material", "law across w: orthotropic elements, --law along w", metavar="NAME|FILE.toml"),
@@ -56,10 +58,15 @@ class SamplingOptions:
         Path | None, option("Material", "HU to density: line, table, rods or tissues", metavar="FILE.toml")
     ] = None
 
+    def __post_init__(self) -> None:
+        """Take no law for none."""
+        self.law = self.law or None
+
     @property
     def files(self) -> list[Path]:
         """Files that are read, among them names of laws, which are none."""
-        return [Path(name) for name in (self.law, self.transverse_law, self.calibration) if name]
+        laws = [law_of_label(text)[1] for text in self.law or ()]
+        return [Path(name) for name in (*laws, self.transverse_law, self.calibration) if name]
 
     def check_without_material(self, partial_volume: str | None = None) -> None:
         """Raise InputError where an option of the material is given: there is no CT to take it from."""
@@ -72,11 +79,10 @@ class SamplingOptions:
             option = given[0].replace("_", "-")
             raise InputError(f"expected --ct, which the material of a surface comes from, with --{option}, got none")
 
-    def sampling(self) -> Any:
-        """What the pipeline samples."""
+    def sampling(self, labels: Path | None = None) -> Any:
+        """What the pipeline samples; ``labels`` is the segmentation that laws of labels need."""
         from gpubspline.material.assign import Mapping
         from gpubspline.material.calibration_file import read_calibration
-        from gpubspline.material.registry import DEFAULT_LAW
         from gpubspline.material.registry import law as find_law
         from gpubspline.recipe import Sampling
 
@@ -89,7 +95,30 @@ class SamplingOptions:
             raise InputError(f"expected --order of 1 or 2, got {self.order}")
         counts = integers(self.nodes, "nodes", (2, 3, 4))
         across = None if self.transverse_law is None else find_law(self.transverse_law)
-        mapping = Mapping(self.mapping, self.surface_depth, self.quadrature, across, policy)
+        law, by_label = self._laws()
+        how = self.mapping or ("element-e" if by_label else "nodal")
+        mapping = Mapping(how, self.surface_depth, self.quadrature, across, policy)
         calibration = None if self.calibration is None else read_calibration(self.calibration)
-        law = find_law(self.law or DEFAULT_LAW)
-        return Sampling(law, counts, self.order, self.element, mapping, calibration, self.optimize)
+        if by_label:
+            mapping.check_by_label()
+            if labels is None:
+                raise InputError(f"expected --labels FILE with the law of a label, {next(iter(by_label))}, got none")
+        return Sampling(law, counts, self.order, self.element, mapping, calibration, self.optimize, by_label)
+
+    def _laws(self) -> tuple[Any, dict[int | str, Any]]:
+        """Law of what has none of its own, and those of labels."""
+        from gpubspline.material.registry import DEFAULT_LAW
+        from gpubspline.material.registry import law as find_law
+
+        rest: str | None = None
+        given: dict[int | str, str] = {}
+        for label, name in map(law_of_label, self.law or ()):
+            if label in given or (label is None and rest is not None):
+                what = "all that has no law of its own" if label is None else f"the label {label}"
+                raise InputError(f"expected one --law for {what}, got {given.get(label or '', rest)} and {name}")
+            if label is None:
+                rest = name
+            else:
+                given[label] = name
+        law = find_law(rest or DEFAULT_LAW)
+        return law, {label: find_law(name).beside(law) for label, name in given.items()}

@@ -1,6 +1,7 @@
 """What the texts of options mean: counts, numbers, ranges, names of devices."""
 
 from math import isfinite, prod
+from pathlib import Path
 
 from gpubspline.errors import InputError
 
@@ -57,6 +58,16 @@ def slice_range(text: str | None) -> tuple[int | None, int | None] | None:
     except ValueError:
         raise InputError(f"expected A:B for --slices, got {text!r}") from None
     return first, last
+
+
+def law_of_label(text: str) -> tuple[str | None, str]:
+    """Read ``"22=keyak-1998"``: a label, or None, and a law; raises InputError where one of the two is empty."""
+    if text.strip().lower().startswith("constant:") or "=" not in text or Path(text).is_file():
+        return None, text
+    label, _, law = (part.strip() for part in text.partition("="))
+    if not label or not law:
+        raise InputError(f"expected --law LABEL=LAW, got {text!r}")
+    return label, law
 
 
 def device_name(backend: str, device: str | None) -> str:

@@ -10,7 +10,7 @@ from gpubspline.ct.labels import Labels
 from gpubspline.ct.region import Region, region_from_mask
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
-from gpubspline.mesh.label_sets import UNLABELLED, label_map, set_name
+from gpubspline.mesh.label_sets import UNLABELLED, labels_in, set_name
 
 LEAST_VOXELS = 8
 """A label of fewer in the region is no body: its voxels go to the nearest one."""
@@ -37,9 +37,7 @@ def parts_of(region: Region, volume: Volume, labels: Labels, whole: Volume) -> t
     InputError where no label has voxels in the region.
     """
     numbers = list(labels.names)
-    first = np.rint(whole.to_indices(volume.affine[:3, 3][None])[0]).astype(int)
-    window = tuple(slice(a, a + n) for a, n in zip(first[::-1], region.mask.shape, strict=True))
-    owner = _settled(np.where(region.mask, label_map(labels, numbers, whole)[window], 0), region.mask)
+    owner = _settled(np.where(region.mask, labels_in(volume, labels, whole), 0), region.mask)
     found: dict[str, Region] = {}
     number_of: dict[str, int] = {}
     for index in np.unique(owner[region.mask]):

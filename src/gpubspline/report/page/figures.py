@@ -23,6 +23,7 @@ UNITS = {
 ELSEWHERE = (
     "scaled_jacobian",
     "law",
+    "law_by_label",
     "seconds",
     "nodes",
     "elements",
@@ -42,7 +43,19 @@ def figure_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     alarms = figures.get("alarms") or {}
     taken = [*ELSEWHERE, *(["mass_g", "out_of_range_nodes"] if alarms else [])]
     rows = [row for key, value in figures.items() if key not in taken for row in _rows(*_unit_of(key), value)]
-    return rows + alarm_rows(alarms)
+    return rows + _label_rows(figures.get("law_by_label") or []) + alarm_rows(alarms)
+
+
+def _label_rows(parts: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Name and material of every label that has a law of its own, and of the rest."""
+    rows = []
+    for part in parts:
+        name = f"material of the set {part['set']}" if part["label"] else "material of the rest"
+        e, mass = part["modulus_mpa"], part["mass_g"]
+        span = number(e["min"]) if e["min"] == e["max"] else f"{number(e['min'])} to {number(e['max'])}"
+        weight = "" if mass is None else f", {number(mass)} g"
+        rows.append((name, f"{part['law']['name']}, {number(part['elements'])} elements, E {span} MPa{weight}"))
+    return rows
 
 
 def alarm_rows(alarms: dict[str, Any]) -> list[tuple[str, str]]:

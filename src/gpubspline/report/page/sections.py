@@ -26,7 +26,7 @@ def warning_lines(account: Account) -> list[str]:
     if quality is not None and quality.fraction_below_0_1 > 0.01:
         said.append(f"{percent(quality.fraction_below_0_1)} of the elements have a scaled Jacobian below 0.1.")
     said += _alarm_lines(account.figures)
-    for law in account.laws:
+    for law in dict.fromkeys(account.laws):
         said += [f"Law {law.name}, not confirmed from its source: {part}." for part in law.all_unconfirmed]
     return said
 
@@ -94,9 +94,10 @@ def chart_section(account: Account, nodal: dict[str, Any]) -> str:
             ("Scaled Jacobian", charts.jacobian_chart(account.quality), below),
             ("Beside the paper's models", charts.paper_chart(account.quality), "elements above 0.5 and below 0.1"),
         ]
-    if "HU" in nodal and "E_MPa" in nodal and account.laws:
+    powers = [law for law in account.laws if not law.is_constant]
+    if "HU" in nodal and "E_MPa" in nodal and powers:
         jumps = "red is the law; each dot is a node, beside the law where its HU was clamped or floored"
-        drawn.append(("Young's modulus against HU", charts.law_chart(nodal["HU"], nodal["E_MPa"], account.laws), jumps))
+        drawn.append(("Young's modulus against HU", charts.law_chart(nodal["HU"], nodal["E_MPa"], powers), jumps))
     names = {
         "HU": "HU of the nodes",
         "E_MPa": "Young's modulus of the nodes",
@@ -195,7 +196,8 @@ def timing_section(seconds: dict[str, float]) -> str:
 
 def law_section(laws: Sequence[Law]) -> str:
     """Each law and each conversion with its formula and its citation."""
-    return "".join(f'<section class="law"><h2>Law {escape(law.name)}</h2>{_law(law)}</section>' for law in laws)
+    each = dict.fromkeys(laws)  # labels may share one
+    return "".join(f'<section class="law"><h2>Law {escape(law.name)}</h2>{_law(law)}</section>' for law in each)
 
 
 def _law(law: Law) -> str:
@@ -204,7 +206,10 @@ def _law(law: Law) -> str:
     rows.append(("strain rate", f"{rate:g} per second" if rate is not None else ""))
     rows.append(("specimens", f"{specimens[0]:g} to {specimens[1]:g} g/cm³" if specimens is not None else ""))
     rows += _density_rows(law.density)
-    for piece in law.pieces:
+    if law.is_constant:
+        (piece,) = law.pieces
+        rows.append(("at any HU", f"E = {number(piece.offset_mpa)} MPa, ν = {piece.poisson:g}"))
+    for piece in () if law.is_constant else law.pieces:
         shift = f" {piece.offset_mpa:+g}" if piece.offset_mpa else ""
         power = f"E = {piece.factor_mpa:.6g} ρ^{piece.exponent:g}{shift} MPa, ν = {piece.poisson:g}"
         rows.append((f"{piece.lower_hu:.0f} to {piece.upper_hu:.0f} HU", power))
@@ -215,6 +220,8 @@ def _law(law: Law) -> str:
 
 def _density_rows(density: DensityRelation) -> list[tuple[str, str]]:
     """What the density comes to, and each conversion on the way with its source."""
+    if density.is_constant:
+        return [(f"ρ {density.kind}", f"{density.intercept_g_cm3:g} g/cm³")]
     if density.table:
         points = ", ".join(f"{rho:.4g} at {hu:g} HU" for hu, rho in density.table)
         rows = [(f"ρ {density.kind}", f"by a table: {points} g/cm³")]
