@@ -1,14 +1,19 @@
 """Scaled Jacobian of hexes.
 
 Floors, an element: structured, 3 coordinates of the one node that is new to it read and one value written, 16 bytes;
-explicit, 8 node numbers more, 48 bytes. Operations: 12 unit edges of 3 differences, 5 for the square, a reciprocal
-root and 3 products, 8 determinants of 14, 7 minima, about 260, which on a CPU weigh more than the bytes. A structured
-grid shares edges between neighbours: 3 an element would be enough, about 126 operations; OpenCL's rows share along u
-and make 8, with 4 cross products instead of 8, about 196. Held against ``triad``.
+explicit, 8 node numbers more, 48 bytes. Operations: 12 edges of 3 differences, 5 for the square and a reciprocal root, 8
+determinants of 19, which lengths are brought into last, 7 minima, about 270, which on a CPU weigh more than the bytes. A
+structured grid shares edges between neighbours: 3 an element would be enough, about 130 operations; OpenCL's rows share
+along u and make 8, with 4 cross products instead of 8, about 180. Held against ``triad``.
+
+A core of Zen 5 does 64 operations a cycle, so that 16 elements of a grid could take 45 cycles. They take 90, whether or
+not they lie in its caches, and as many with roots by estimate and Newton's method: what waits for a root fills the
+queues of the core, which thus runs three instructions a cycle. Where edges were divided by their lengths first, longer
+chains waited and it took 115.
 
 Where nodes have numbers, their three planes are brought side by side first, so that a node is one load; that is in the
 time. On one core of Zen 5 by PoCL an element takes 0.8 ns for that and 7 ns for the rest, of which 1.5 ns turn eight
-nodes into lanes and 2.8 ns are square roots and divisions; one of a structured grid takes 1.8 ns. VTK runs on one
+nodes into lanes and 2.8 ns are square roots and divisions; one of a structured grid takes 1.4 ns. VTK runs on one
 thread, with 110 to 120 ns an element, ours on all cores.
 """
 

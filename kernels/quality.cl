@@ -17,12 +17,21 @@ inline point cross3(point a, point b)
     return c;
 }
 
-inline point unit(point a)
+inline realv inverse_length(point a)
 {
     realv squared = dot3(a, a);
-    realv inverse = squared > (realv)0 ? rsqrt(squared) : (realv)0;
-    point b = {a.x * inverse, a.y * inverse, a.z * inverse};
+    return squared > (realv)0 ? rsqrt(squared) : (realv)0;
+}
+
+inline point times(realv s, point a)
+{
+    point b = {s * a.x, s * a.y, s * a.z};
     return b;
+}
+
+inline point unit(point a)
+{
+    return times(inverse_length(a), a);
 }
 
 inline point difference(point a, point b)
@@ -41,20 +50,35 @@ inline realv det3(point a, point b, point c)
     return dot3(a, cross3(b, c));
 }
 
+// An edge and one over its length: a determinant is worked out while roots are, and divided by lengths after it.
+typedef struct { point along; realv inverse; } edge;
+
+inline edge edge_of(point from, point to)
+{
+    point along = difference(to, from);
+    edge e = {along, inverse_length(along)};
+    return e;
+}
+
+inline realv corner_of(edge u, edge v, edge w)
+{
+    return u.inverse * dot3(u.along, times(v.inverse * w.inverse, cross3(v.along, w.along)));
+}
+
 // Corners 0 to 3 run round one face, 4 to 7 over them.
 inline void hex_corners(const point *p, realv *corner)
 {
-    point u0 = unit_edge(p[0], p[1]), u1 = unit_edge(p[3], p[2]), u2 = unit_edge(p[4], p[5]), u3 = unit_edge(p[7], p[6]);
-    point v0 = unit_edge(p[0], p[3]), v1 = unit_edge(p[1], p[2]), v2 = unit_edge(p[4], p[7]), v3 = unit_edge(p[5], p[6]);
-    point w0 = unit_edge(p[0], p[4]), w1 = unit_edge(p[1], p[5]), w2 = unit_edge(p[2], p[6]), w3 = unit_edge(p[3], p[7]);
-    corner[0] = det3(u0, v0, w0);
-    corner[1] = det3(u0, v1, w1);
-    corner[2] = det3(u1, v1, w2);
-    corner[3] = det3(u1, v0, w3);
-    corner[4] = det3(u2, v2, w0);
-    corner[5] = det3(u2, v3, w1);
-    corner[6] = det3(u3, v3, w2);
-    corner[7] = det3(u3, v2, w3);
+    edge u0 = edge_of(p[0], p[1]), u1 = edge_of(p[3], p[2]), u2 = edge_of(p[4], p[5]), u3 = edge_of(p[7], p[6]);
+    edge v0 = edge_of(p[0], p[3]), v1 = edge_of(p[1], p[2]), v2 = edge_of(p[4], p[7]), v3 = edge_of(p[5], p[6]);
+    edge w0 = edge_of(p[0], p[4]), w1 = edge_of(p[1], p[5]), w2 = edge_of(p[2], p[6]), w3 = edge_of(p[3], p[7]);
+    corner[0] = corner_of(u0, v0, w0);
+    corner[1] = corner_of(u0, v1, w1);
+    corner[2] = corner_of(u1, v1, w2);
+    corner[3] = corner_of(u1, v0, w3);
+    corner[4] = corner_of(u2, v2, w0);
+    corner[5] = corner_of(u2, v3, w1);
+    corner[6] = corner_of(u3, v3, w2);
+    corner[7] = corner_of(u3, v2, w3);
 }
 
 inline void quad_corners(const point *p, realv *corner)

@@ -40,6 +40,25 @@ def det3(ax: Any, ay: Any, az: Any, bx: Any, by: Any, bz: Any, cx: Any, cy: Any,
 
 
 @wp.func
+def edge(ax: Any, ay: Any, az: Any, bx: Any, by: Any, bz: Any):
+    """An edge and one over its length, 0 where it has none."""
+    ex = bx - ax
+    ey = by - ay
+    ez = bz - az
+    return ex, ey, ez, inverse_root(squared(ex, ey, ez))
+
+
+@wp.func
+def corner(ux: Any, uy: Any, uz: Any, u: Any, vx: Any, vy: Any, vz: Any, v: Any, wx: Any, wy: Any, wz: Any, w: Any):
+    """Determinant of three edges over their lengths, which are brought in last, since roots take long."""
+    vw = wp.cw_mul(v, w)
+    first = wp.cw_mul(ux, wp.cw_mul(vw, wp.cw_mul(vy, wz) - wp.cw_mul(vz, wy)))
+    second = wp.cw_mul(uy, wp.cw_mul(vw, wp.cw_mul(vz, wx) - wp.cw_mul(vx, wz)))
+    third = wp.cw_mul(uz, wp.cw_mul(vw, wp.cw_mul(vx, wy) - wp.cw_mul(vy, wx)))
+    return wp.cw_mul(u, first + second + third)
+
+
+@wp.func
 def hex_corners(
     x0: Any,
     y0: Any,
@@ -67,26 +86,26 @@ def hex_corners(
     z7: Any,
 ):
     """Determinants at corners 0 to 3 round one face, 4 to 7 over them."""
-    u0, u1, u2 = unit_edge(x0, y0, z0, x1, y1, z1)
-    v0, v1, v2 = unit_edge(x0, y0, z0, x3, y3, z3)
-    w0, w1, w2 = unit_edge(x0, y0, z0, x4, y4, z4)
-    c0 = det3(u0, u1, u2, v0, v1, v2, w0, w1, w2)
-    s0, s1, s2 = unit_edge(x1, y1, z1, x2, y2, z2)
-    t0, t1, t2 = unit_edge(x1, y1, z1, x5, y5, z5)
-    c1 = det3(u0, u1, u2, s0, s1, s2, t0, t1, t2)
-    p0, p1, p2 = unit_edge(x3, y3, z3, x2, y2, z2)
-    q0, q1, q2 = unit_edge(x2, y2, z2, x6, y6, z6)
-    c2 = det3(p0, p1, p2, s0, s1, s2, q0, q1, q2)
-    r0, r1, r2 = unit_edge(x3, y3, z3, x7, y7, z7)
-    c3 = det3(p0, p1, p2, v0, v1, v2, r0, r1, r2)
-    a0, a1, a2 = unit_edge(x4, y4, z4, x5, y5, z5)
-    b0, b1, b2 = unit_edge(x4, y4, z4, x7, y7, z7)
-    c4 = det3(a0, a1, a2, b0, b1, b2, w0, w1, w2)
-    d0, d1, d2 = unit_edge(x5, y5, z5, x6, y6, z6)
-    c5 = det3(a0, a1, a2, d0, d1, d2, t0, t1, t2)
-    e0, e1, e2 = unit_edge(x7, y7, z7, x6, y6, z6)
-    c6 = det3(e0, e1, e2, d0, d1, d2, q0, q1, q2)
-    c7 = det3(e0, e1, e2, b0, b1, b2, r0, r1, r2)
+    u0, u1, u2, u = edge(x0, y0, z0, x1, y1, z1)
+    v0, v1, v2, v = edge(x0, y0, z0, x3, y3, z3)
+    w0, w1, w2, w = edge(x0, y0, z0, x4, y4, z4)
+    c0 = corner(u0, u1, u2, u, v0, v1, v2, v, w0, w1, w2, w)
+    s0, s1, s2, s = edge(x1, y1, z1, x2, y2, z2)
+    t0, t1, t2, t = edge(x1, y1, z1, x5, y5, z5)
+    c1 = corner(u0, u1, u2, u, s0, s1, s2, s, t0, t1, t2, t)
+    p0, p1, p2, p = edge(x3, y3, z3, x2, y2, z2)
+    q0, q1, q2, q = edge(x2, y2, z2, x6, y6, z6)
+    c2 = corner(p0, p1, p2, p, s0, s1, s2, s, q0, q1, q2, q)
+    r0, r1, r2, r = edge(x3, y3, z3, x7, y7, z7)
+    c3 = corner(p0, p1, p2, p, v0, v1, v2, v, r0, r1, r2, r)
+    a0, a1, a2, a = edge(x4, y4, z4, x5, y5, z5)
+    b0, b1, b2, b = edge(x4, y4, z4, x7, y7, z7)
+    c4 = corner(a0, a1, a2, a, b0, b1, b2, b, w0, w1, w2, w)
+    d0, d1, d2, d = edge(x5, y5, z5, x6, y6, z6)
+    c5 = corner(a0, a1, a2, a, d0, d1, d2, d, t0, t1, t2, t)
+    e0, e1, e2, e = edge(x7, y7, z7, x6, y6, z6)
+    c6 = corner(e0, e1, e2, e, d0, d1, d2, d, q0, q1, q2, q)
+    c7 = corner(e0, e1, e2, e, b0, b1, b2, b, r0, r1, r2, r)
     return c0, c1, c2, c3, c4, c5, c6, c7
 
 

@@ -18,13 +18,22 @@ inline point cross3(point a, point b)
     return c;
 }
 
-inline point unit_edge(point from, point to)
+inline point edge(point from, point to)
 {
     point a = {to.x - from.x, to.y - from.y, to.z - from.z};
-    realv squared = dot3(a, a);
-    realv inverse = squared > (realv)0 ? rsqrt(squared) : (realv)0;
-    point b = {a.x * inverse, a.y * inverse, a.z * inverse};
+    return a;
+}
+
+inline point times(realv s, point a)
+{
+    point b = {s * a.x, s * a.y, s * a.z};
     return b;
+}
+
+inline realv inverse_length(point a)
+{
+    realv squared = dot3(a, a);
+    return squared > (realv)0 ? rsqrt(squared) : (realv)0;
 }
 
 inline point node(__global const real *x, __global const real *y, __global const real *z, size_t i)
@@ -38,8 +47,11 @@ inline point node(__global const real *x, __global const real *y, __global const
     {                                                                                                     \
         point a = node(x, y, z, i), b = node(x, y, z, (i) + n_u);                                         \
         point c = node(x, y, z, (i) + layer), d = node(x, y, z, (i) + layer + n_u);                       \
-        point v0 = unit_edge(a, b), v1 = unit_edge(c, d), w0 = unit_edge(a, c), w1 = unit_edge(b, d);     \
-        n##0 = cross3(v0, w0), n##1 = cross3(v0, w1), n##2 = cross3(v1, w0), n##3 = cross3(v1, w1);       \
+        point v0 = edge(a, b), v1 = edge(c, d), w0 = edge(a, c), w1 = edge(b, d);                         \
+        realv p0 = inverse_length(v0), p1 = inverse_length(v1);                                           \
+        realv q0 = inverse_length(w0), q1 = inverse_length(w1);                                           \
+        n##0 = times(p0 * q0, cross3(v0, w0)), n##1 = times(p0 * q1, cross3(v0, w1));                     \
+        n##2 = times(p1 * q0, cross3(v1, w0)), n##3 = times(p1 * q1, cross3(v1, w1));                     \
     }
 
 // Lanes one further on, the last from the vector behind.
@@ -54,8 +66,8 @@ inline point node(__global const real *x, __global const real *y, __global const
 inline realv least_of_edge(__global const real *x, __global const real *y, __global const real *z, size_t i,
                            point before, point behind)
 {
-    point u = unit_edge(node(x, y, z, i), node(x, y, z, i + 1));
-    return smaller(dot3(u, before), dot3(u, behind));
+    point u = edge(node(x, y, z, i), node(x, y, z, i + 1));
+    return inverse_length(u) * smaller(dot3(u, before), dot3(u, behind));
 }
 
 #define LEAST(c, i)                                                                                              \
