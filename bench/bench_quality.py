@@ -1,10 +1,10 @@
 """Scaled Jacobian of hexes.
 
 Floors, an element: structured, 3 coordinates of the one node that is new to it read and one value written, 16 bytes;
-explicit, 8 node numbers more, 48 bytes. Operations: 12 edges of 3 differences, 5 for the square and a reciprocal root, 8
-determinants of 19, which lengths are brought into last, 7 minima, about 270, which on a CPU weigh more than the bytes. A
-structured grid shares edges between neighbours: 3 an element would be enough, about 130 operations; OpenCL's rows share
-along u and make 8, with 4 cross products instead of 8, about 180. Held against ``triad``.
+explicit, 8 node numbers more, 48 bytes. Operations: 12 edges of 3 differences, 5 for the square and a reciprocal root,
+8 determinants of 19, which lengths are brought into last, 7 minima, about 270, which on a CPU weigh more than the
+bytes. A structured grid shares edges between neighbours: 3 an element would be enough, about 130 operations; OpenCL's
+rows share along u and make 8, with 4 cross products instead of 8, about 180. Held against ``triad``.
 
 A core of Zen 5 does 64 operations a cycle, so that 16 elements of a grid could take 45 cycles. They take 90, whether or
 not they lie in its caches, and as many with roots by estimate and Newton's method: what waits for a root fills the
