@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve
 
 from gpubspline.analysis.moduli import lame_moduli
 from gpubspline.mesh.mesh import Mesh
@@ -23,6 +24,8 @@ STRENGTH = 0.05
 """Neighbours that are coupled more weakly than this, against their own blocks, are not gathered."""
 DIRECT = 300
 """Unknowns that are solved directly."""
+LEAST = 1e-6
+"""Stiffness that is added to theirs, of the greatest: what float32 holds of it."""
 SMOOTHER = ("block_gauss_seidel", {"sweep": "symmetric"})
 _CHUNK = 1 << 15
 """Elements assembled at a time, which bounds the memory."""
@@ -53,6 +56,20 @@ class Aggregation:
         return np.ascontiguousarray((size * found.reshape(-1, 3)).T)
 
 
+class _Bottom:
+    """Solves the coarsest equations by Cholesky's factors, made once.
+
+    Aggregates of held nodes leave rows of zeros: a little stiffness makes the matrix definite, and these stay at rest.
+    """
+
+    def __call__(self, matrix: Any, b: NDArray[Any]) -> NDArray[Any]:
+        if not hasattr(self, "factors"):
+            whole = matrix.toarray().astype(np.float64)
+            whole[np.diag_indices_from(whole)] += LEAST * whole.diagonal().max()
+            self.factors = cho_factor(whole, lower=True)
+        return np.asarray(cho_solve(self.factors, b.astype(np.float64)))
+
+
 def aggregation(mesh: Mesh, held: Flags, modulus: str) -> Aggregation:
     """Make the hierarchy of a mesh of hexes.
 
@@ -72,6 +89,7 @@ def aggregation(mesh: Mesh, held: Flags, modulus: str) -> Aggregation:
         presmoother=SMOOTHER,
         postsmoother=SMOOTHER,
         max_coarse=DIRECT,
+        coarse_solver=_Bottom(),
     )
     return Aggregation(hierarchy, ~held)
 
@@ -134,14 +152,16 @@ def _element_blocks(mesh: Mesh, elements: NDArray[Any], cells: NDArray[np.int32]
     tangents = np.einsum("dga,mac->mgdc", slopes, mesh.points[cells].astype(np.float64), optimize=True)
     gradient = np.einsum("mgcd,dga->mgac", np.linalg.inv(tangents), slopes, optimize=True)
     volume = np.abs(np.linalg.det(tangents)) * weights
-    lam, mu = (values.T * volume for values in lame_moduli(mesh, cells, element.shape(at), modulus, elements))
-    out = np.zeros((len(cells), cells.shape[1], cells.shape[1], 3, 3), dtype=np.float32)
-    for g in range(len(weights)):
-        b = gradient[:, g].astype(np.float32)
-        pair = np.einsum("mac,mbd->mabcd", b, b, optimize=True)
-        one, two = (values[:, g, None, None, None, None].astype(np.float32) for values in (lam, mu))
-        out += one * pair + two * pair.swapaxes(3, 4)
-        out += two * np.trace(pair, axis1=3, axis2=4)[..., None, None] * np.eye(3, dtype=np.float32)
+    m, k = cells.shape
+    b = gradient.reshape(m, len(weights), 3 * k).astype(np.float32)
+    lam, mu = (
+        np.matmul(b.swapaxes(1, 2), b * (values.T * volume)[..., None].astype(np.float32)).reshape(m, k, 3, k, 3)
+        for values in lame_moduli(mesh, cells, element.shape(at), modulus, elements)
+    )  # sums over the points of a modulus times the gradients of two vertices, component by component
+    out = lam.swapaxes(2, 3) + mu.transpose(0, 1, 3, 4, 2)
+    shear = mu[:, :, 0, :, 0] + mu[:, :, 1, :, 1] + mu[:, :, 2, :, 2]
+    for c in range(3):
+        out[..., c, c] += shear
     return out
 
 
