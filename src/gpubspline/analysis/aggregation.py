@@ -162,7 +162,7 @@ def _element_blocks(mesh: Mesh, elements: NDArray[Any], cells: NDArray[np.int32]
     shear = mu[:, :, 0, :, 0] + mu[:, :, 1, :, 1] + mu[:, :, 2, :, 2]
     for c in range(3):
         out[..., c, c] += shear
-    return out
+    return np.asarray(out)
 
 
 def _rigid_motions(mesh: Mesh, held: Flags) -> NDArray[np.float32]:
