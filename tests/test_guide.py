@@ -14,6 +14,7 @@ import SimpleITK as sitk
 import typer
 
 import gpubspline as gb
+from gpubspline.analysis.load_case import _PARTS, read_load_case
 from gpubspline.cli.entry import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -71,6 +72,14 @@ def test_made_pages_are_of_the_code(pages: ModuleType) -> None:
     assert "**0.4.0**" in pages.changelog()
 
 
+def test_load_case_of_the_guide_is_read() -> None:
+    """Its table has every condition that a region may have."""
+    text = (ROOT / "docs" / "loads.md").read_text()
+    case = read_load_case(re.findall(r"```toml .*?\n(.*?)```", text, re.S)[0], "press.toml")
+    assert case.title == "A vertebra pressed from above" and len(case.forces[0].region.parts) == 2
+    assert set(re.findall(r"^\| `(\w+) = ", text, re.M)) == {"side", *_PARTS}
+
+
 def test_law_of_the_guide_is_read(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "start.md").read_text()
     (tmp_path / "my_law.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
@@ -88,7 +97,7 @@ def test_the_first_model_as_printed(run: Any, tmp_path: Path, monkeypatch: pytes
     (tmp_path / "my_law.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
     monkeypatch.chdir(tmp_path)
     commands = [line for block in re.findall(r"```bash\n(.*?)```", text, re.S) for line in block.splitlines()]
-    assert [shlex.split(command)[1] for command in commands] == ["info", "mesh", "mesh", "solve"]
+    assert [shlex.split(command)[1] for command in commands] == ["info", "preview", "mesh", "mesh", "solve"]
     for command in commands:
         status, _, err = run(*shlex.split(command)[1:])
         assert status == 0, f"{command}: {err}"

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from gpubspline.cli.describe_material import material_lines
 from gpubspline.ct.region import otsu_threshold
 from gpubspline.ct.volume import Volume
+from gpubspline.mesh.element_size import about_elements, default_size
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality
 from gpubspline.mesh.validity import Certificate
+from gpubspline.recipe import Body
 from gpubspline.report.histogram import text_histogram
 from gpubspline.report.summary import validity_figures
 from gpubspline.spline.fit import FitError
@@ -51,13 +53,29 @@ def label_lines(volume: Volume, names: Mapping[int, str]) -> list[str]:
     found = [int(n) for n in np.flatnonzero(counts) if n]
     if not 0 < len(found) <= MOST_LABELS or counts[0] == 0:
         return []
-    each = abs(float(np.linalg.det(volume.affine[:3, :3])))
     width = len(f"{counts[found].max():,}")
-    lines = [
-        f"{n:10} {counts[n]:{width},} voxels, {counts[n] * each:,.0f} mm3{f', {names[n]}' if names.get(n) else ''}"
-        for n in found
-    ]
+    sizes = (f"{n:10} {counts[n]:{width},} voxels, {counts[n] * volume.voxel_mm3:,.0f} mm3" for n in found)
+    lines = [size + (f", {names[n]}" if names.get(n) else "") for n, size in zip(found, sizes, strict=True)]
     return ["labels     where this is a segmentation, for --mask:", *lines]
+
+
+def body_lines(body: Body) -> list[str]:
+    """What would be meshed: by what it was found, its place and volume, what lies apart, and how fine blocks would be.
+
+    ``body``: of a CT, see ``segment.find_body``.
+    """
+    region, volume, threshold = body.region, body.volume, body.threshold_hu
+    inside = region.affine[:3, :3] @ np.array(np.nonzero(region.mask))[::-1] + region.affine[:3, 3:]
+    lines = [_extent(inside.min(axis=1), inside.max(axis=1)) + " LPS", f"volume     {region.volume_mm3:,.0f} mm3"]
+    if threshold is not None and volume is not None:
+        above = volume.hu >= threshold
+        apart = np.count_nonzero(above & ~region.mask) / np.count_nonzero(above)
+        lines.append(f"threshold  {threshold:.0f} HU; {apart:.1%} of what is above it lies apart and is left out")
+    size = default_size(region)
+    return [
+        *lines,
+        f"blocks     about {about_elements(region, size):,.0f} hexes of {size:.3g} mm, unless told otherwise",
+    ]
 
 
 def _extent(low: NDArray[Any], high: NDArray[Any]) -> str:
@@ -184,8 +202,9 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
         )
     elif modulus and "rows" in modulus:
         lines.append(
-            f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}, "
-            f"off by {modulus['error']:.2g} of its size at most; Poisson's ratio by {modulus['poisson_error']:.2g}"
+            f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}: at most off by "
+            f"{modulus['error']:.2%}, Poisson's ratio by {modulus['poisson_error']:.2g}, density by "
+            f"{modulus['density_error']:.0%}"
         )
     elif modulus:
         lines.append(f"{_UNDER}modulus by node")

@@ -293,8 +293,8 @@ def _table(mesh: Mesh, form: Format, units: Units) -> _Means:
     within = "each element takes the mean of its nodes" if straight else "between nodes the solver interpolates it"
     words = (
         f"Material by node: the temperature is {told}, no heat; {within}. The table gives each node "
-        f"its modulus within {found.error:.1e} of its size, Poisson's ratio within {found.poisson_error:.2g}, density "
-        f"within {found.density_error:.2g} of its size. Give no thermal expansion and no other temperature."
+        f"its modulus within {100 * found.error:.2g} %, Poisson's ratio within {found.poisson_error:.2g}, density "
+        f"within {100 * found.density_error:.3g} %. Give no thermal expansion and no other temperature."
     )
     figures = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size, "error": found.error}
     figures |= {"poisson_error": found.poisson_error, "density_error": found.density_error}
@@ -389,7 +389,8 @@ def _comments(wanted: Wanted, words: str, loads: DeckLoads | None) -> Iterable[s
     if words:
         yield words
     if loads is not None:
-        x, y, z = loads.all_forces.sum(axis=0)
+        digits = 9 - len(f"{np.abs(loads.all_forces).sum():.0f}")  # what is lost by summing is no force
+        x, y, z = np.round(loads.all_forces.sum(axis=0), digits) + 0.0
         yield f"Load case: {loads.title}. Total force ({x:.9g}, {y:.9g}, {z:.9g}) N, as consistent nodal forces."
 
 

@@ -78,7 +78,7 @@ def test_figures_become_words_with_units() -> None:
         "reaction_n": [1.0, -2.5, 0.0],
         "threshold_hu": None,
         "load_case": {"name": "stance", "title": ""},
-        "parts": [{"part": "head", "force_n": [0.0, 1e-12, -10.0]}],
+        "parts": [{"part": "head", "force_n": [0.0, 1e-12, -10.0], "volume_mm3": {"mesh": 8.123456, "region": 8}}],
         "seconds": {"total": 1.0},
     }
     assert figure_rows(figures) == [
@@ -88,7 +88,7 @@ def test_figures_become_words_with_units() -> None:
         ("off surface nodes", "count 425, max 7.876 mm"),
         ("reaction", "(1, -2.5, 0) N"),
         ("load case: name", "stance"),
-        ("parts 1", "part head; force (0, 0, -10) N"),
+        ("parts 1", "part head; force (0, 0, -10) N; volume mesh 8.123 mm³, region 8 mm³"),
     ]
     assert [number(v) for v in (1234567, 0.00012, 0.25, 1234.56, 20000.0, True, None, "a")] == [
         *("1,234,567", "1.200e-04", "0.25", "1,235", "20,000", "yes", "-", "a"),

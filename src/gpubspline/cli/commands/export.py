@@ -8,6 +8,7 @@ import typer
 from gpubspline.cli.app import app
 from gpubspline.cli.options import DeckOptions, RunOptions, flattened
 from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.output import MeshFile
 from gpubspline.files import check_apart, check_writable
 
 
@@ -15,17 +16,7 @@ from gpubspline.files import check_apart, check_writable
 @flattened
 def export(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file, such as .vtu", show_default=False)],
-    output: Annotated[
-        Path,
-        option(
-            "Output",
-            "mesh or deck, by extension (docs/formats.md)",
-            "--output",
-            "-o",
-            metavar="FILE",
-            show_default=False,
-        ),
-    ],
+    output: MeshFile,
     deck: DeckOptions,
     summary: Annotated[Path | None, option("Output", "figures, .json", metavar="FILE")] = None,
     thickness: Annotated[float, option("Deck", "of quads, which are shells in decks", metavar="MM")] = 1.0,

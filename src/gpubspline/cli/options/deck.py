@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.solve import LOAD
 from gpubspline.errors import InputError
 
 
@@ -35,7 +36,7 @@ class DeckOptions:
         str | None,
         option(
             "Deck",
-            "load case: stance, or a file (form: pydoc gpubspline.analysis.load_case)",
+            LOAD,
             metavar="NAME|FILE.toml",
             complete=complete_load,
         ),

@@ -10,6 +10,18 @@ from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
 from gpubspline.files import check_apart, check_writable
 
+MeshFile = Annotated[
+    Path,
+    option(
+        "Output",
+        "mesh or deck, by extension (docs/formats.md)",
+        "--output",
+        "-o",
+        metavar="FILE",
+        show_default=False,
+    ),
+]
+
 MADE_FIELDS = ("density_g_cm3", "E_MPa", "nu", "material", "scaled_jacobian")
 """Fields that a mesh gets beside the channels of its patch."""
 
@@ -18,17 +30,7 @@ MADE_FIELDS = ("density_g_cm3", "E_MPa", "nu", "material", "scaled_jacobian")
 class OutputOptions:
     """The files a run writes: checked before the work, written after it."""
 
-    output: Annotated[
-        Path,
-        option(
-            "Output",
-            "mesh or deck, by extension (docs/formats.md)",
-            "--output",
-            "-o",
-            metavar="FILE",
-            show_default=False,
-        ),
-    ]
+    output: MeshFile
     summary: Annotated[Path | None, option("Output", "figures of the run, .json", metavar="FILE")] = None
     picture: Annotated[Path | None, option("Output", "picture of the mesh, .png", metavar="FILE")] = None
     field: Annotated[

@@ -8,20 +8,21 @@ from typing import Annotated, Any
 from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
 
+LOAD = "load case: stance, or a file (docs/loads.md)"
+
+Load = Annotated[str, option("Load", LOAD, metavar="NAME|FILE.toml", show_default=False)]
+Modulus = Annotated[
+    str, option("Solve", "interpolated inside the elements, or one mean each", metavar="graded|element")
+]
+Formulation = Annotated[str, option("Solve", "of hex8; 'incompatible' bends freely", metavar="full|incompatible|bbar")]
+Tolerance = Annotated[float, option("Solve", "forces out of balance, of the loads")]
+
 
 @dataclass
 class SolveOptions:
     """What acts on a mesh, how it is solved, and the files of it."""
 
-    load: Annotated[
-        str,
-        option(
-            "Load",
-            "load case: stance, or a file (form: pydoc gpubspline.analysis.load_case)",
-            metavar="NAME|FILE.toml",
-            show_default=False,
-        ),
-    ]
+    load: Load
     output: Annotated[
         Path,
         option(
@@ -34,13 +35,9 @@ class SolveOptions:
         ),
     ]
     summary: Annotated[Path | None, option("Output", "figures of the run, .json", metavar="FILE")] = None
-    modulus: Annotated[
-        str, option("Solve", "interpolated inside the elements, or one mean each", metavar="graded|element")
-    ] = "graded"
-    formulation: Annotated[
-        str, option("Solve", "of hex8; 'incompatible' bends freely", metavar="full|incompatible|bbar")
-    ] = "full"
-    tolerance: Annotated[float, option("Solve", "forces out of balance, of the loads")] = 1e-8
+    modulus: Modulus = "graded"
+    formulation: Formulation = "full"
+    tolerance: Tolerance = 1e-8
 
     @property
     def paths(self) -> list[Path]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.solve import Formulation, Load, Modulus, Tolerance
 from gpubspline.cli.options.texts import samples_list
 from gpubspline.files import check_folder
 
@@ -13,15 +14,7 @@ from gpubspline.files import check_folder
 class StudyOptions:
     """What is studied, and where its results go."""
 
-    load: Annotated[
-        str,
-        option(
-            "Load",
-            "load case: stance, or a file (form: pydoc gpubspline.analysis.load_case)",
-            metavar="NAME|FILE.toml",
-            show_default=False,
-        ),
-    ]
+    load: Load
     output: Annotated[
         Path,
         option(
@@ -41,13 +34,9 @@ class StudyOptions:
             metavar="'UxVxW UxVxW ...'",
         ),
     ] = None
-    modulus: Annotated[
-        str, option("Solve", "interpolated inside the elements, or one mean each", metavar="graded|element")
-    ] = "graded"
-    formulation: Annotated[
-        str, option("Solve", "of hex8; 'incompatible' bends freely", metavar="full|incompatible|bbar")
-    ] = "incompatible"
-    tolerance: Annotated[float, option("Solve", "forces out of balance, of the loads")] = 1e-8
+    modulus: Modulus = "graded"
+    formulation: Formulation = "incompatible"
+    tolerance: Tolerance = 1e-8
 
     @property
     def paths(self) -> list[Path]:

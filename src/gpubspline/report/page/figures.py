@@ -109,6 +109,8 @@ def _nested(name: str, key: str) -> tuple[str, str]:
 
 
 def _told(value: Any, unit: str) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{_unit_of(key)[0]} {_told(part, _unit_of(key)[1] or unit)}" for key, part in value.items())
     if isinstance(value, list | tuple):
         return _with_unit(vector(value), unit)
     return _with_unit(number(value), unit if isinstance(value, int | float) else "")
