@@ -69,6 +69,23 @@ void interpolate(__global const real *field, __global const int *nodes, int k, i
     }
 }
 
+// Integral (k, m) of values (points, m) times the shape function of each vertex, over each element.
+__kernel __attribute__((vec_type_hint(realv)))
+void shares(__global const real *values, __global const real *volume, __global const real *shape, int n_points, int k,
+            int m, __global real *out)
+{
+    FOR_LANES(e, m) {
+        for (int a = 0; a < k; a++) {
+            realv total = 0;
+            for (int g = 0; g < n_points; g++) {
+                size_t at = (size_t)g * m + e;
+                total += shape[g * k + a] * fabs(load(volume, at)) * load(values, at);
+            }
+            store(total, out, (size_t)a * m + e, m - e);
+        }
+    }
+}
+
 // Mean (m) of values (points, m) over each element, by the size of the volume that each point stands for.
 __kernel __attribute__((vec_type_hint(realv)))
 void means(__global const real *values, __global const real *volume, int n_points, int m, __global real *out)

@@ -79,6 +79,27 @@ def interpolate(
 
 
 @wp.kernel(enable_backward=False, module="unique")
+def shares(
+    values: wp.array(dtype=Any),
+    volume: wp.array(dtype=Any),
+    shape: wp.array(dtype=Any),
+    n_points: wp.int32,
+    k: wp.int32,
+    m: wp.int32,
+    out: wp.array(dtype=Any),
+    first: wp.int32,
+):
+    """Integral (k, m) of values (points, m) times the shape function of each vertex, over each element."""
+    e = wp.tid() + first
+    for a in range(k):
+        total = out.dtype(0.0)
+        for g in range(n_points):
+            at = g * m + e
+            total = total + shape[g * k + a] * wp.abs(volume[at]) * values[at]
+        out[a * m + e] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
 def means(
     values: wp.array(dtype=Any),
     volume: wp.array(dtype=Any),

@@ -75,12 +75,12 @@ def test_laws_say_where_they_jump_and_what_is_unconfirmed(run: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--mapping", "voxel"], "mapping of nodal, gauss, element-hu, element-e, got 'voxel'"),
+        (["--mapping", "voxel"], "mapping of nodal, nodal-hu, nodal-e, gauss, element-hu, element-e, got 'voxel'"),
         (["--surface-depth", "-1"], "positive depth below the surface"),
         (["--floor-modulus", "3"], "--floor-modulus with --out-of-range floor, got clamp"),
         (["--partial-volume", "mirror"], "treatment fold or none, got 'mirror'"),
         (["--partial-volume", "fold", "--surface-depth", "1"], "--partial-volume fold or --surface-depth, got both"),
-        (["--quadrature", "3"], "element-hu or element-e alone"),
+        (["--quadrature", "3"], "for a mapping with -hu or -e alone, got nodal"),
         (["--law", "hooke"], "material law of wirtz-2000"),
     ],
 )

@@ -314,9 +314,9 @@ def test_alarms_count(device: Device) -> None:
 @pytest.mark.parametrize(
     ("mapping", "message"),
     [
-        ({"how": "bonemat"}, "mapping of nodal, gauss, element-hu, element-e, got 'bonemat'"),
+        ({"how": "bonemat"}, "mapping of nodal, nodal-hu, nodal-e, gauss, element-hu, element-e, got 'bonemat'"),
         ({"surface_depth_mm": 0.0}, "positive depth below the surface in mm, got 0"),
-        ({"points": 3}, "element-hu or element-e alone, got the mapping nodal"),
+        ({"points": 3}, "for a mapping with -hu or -e alone, got nodal"),
         ({"how": "element-e", "points": 0}, "1 to 64 quadrature points"),
     ],
 )

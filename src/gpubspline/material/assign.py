@@ -20,14 +20,15 @@ from gpubspline.material.integration import ElementMaterial, gauss_fields, integ
 from gpubspline.material.laws import Law
 from gpubspline.material.mapping import Material, apply_material, check_policy, law_on_device
 from gpubspline.material.orthotropy import with_orthotropy
+from gpubspline.material.projection import Projected, project
 from gpubspline.material.registry import law as find_law
 from gpubspline.material.voxel_mass import voxel_mass_g
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quadrature import integral
 
-MAPPINGS = ("nodal", "gauss", "element-hu", "element-e")
-"""Of a law onto a mesh: at its nodes, as the paper does; at the Gauss points; of the mean HU of each element; the mean
-of the law over each element."""
+MAPPINGS = ("nodal", "nodal-hu", "nodal-e", "gauss", "element-hu", "element-e")
+"""Of a law onto a mesh: at its nodes, as the paper does; of the mean HU round each node, or the mean of the law there;
+at the Gauss points; of the mean HU of each element, or the mean of the law over it."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ class Mapping:
     how: one of ``MAPPINGS``.
     surface_depth_mm: HU of what lies nearer than this to the body's surface is read this far inside; None reads it
         where it lies, or as ``partial_volume`` says.
-    points: quadrature points per direction of ``element-hu`` and ``element-e``; chosen by the size of elements and
-        voxels where None.
+    points: quadrature points per direction of what ends in ``-hu`` or ``-e``; chosen by the size of elements and voxels
+        where None.
     transverse: law of the modulus across the elements' w, where the other is that along it; makes them orthotropic
         (``orthotropy.py``) with ``element-hu`` or ``element-e``.
     policy: keywords of ``map_material``: ``policy``, ``floor_modulus_mpa``, ``floor_poisson``.
@@ -70,22 +71,25 @@ class Mapping:
             raise InputError(f"expected a positive depth below the surface in mm, got {self.surface_depth_mm:g}")
         if self.points is not None and not 1 <= self.points <= 64:
             raise InputError(f"expected 1 to 64 quadrature points per direction, got {self.points}")
-        if self.points is not None and not self.how.startswith("element"):
-            raise InputError(
-                f"expected quadrature points for element-hu or element-e alone, got the mapping {self.how}"
-            )
+        if self.points is not None and self.how in ("nodal", "gauss"):
+            raise InputError(f"expected quadrature points for a mapping with -hu or -e alone, got {self.how}")
         if self.transverse is not None and not self.how.startswith("element"):
             raise InputError(f"expected a transverse law with element-hu or element-e, got the mapping {self.how}")
 
     def check_by_label(self) -> None:
         """Raise InputError where laws by label do not go with this mapping."""
-        if self.how == "nodal":
+        if self.at_nodes:
             raise InputError(
-                f"expected a mapping of {', '.join(MAPPINGS[1:])} with laws by label, got {self.how}: a node between "
+                f"expected a mapping of {', '.join(MAPPINGS[3:])} with laws by label, got {self.how}: a node between "
                 "two labels has both materials"
             )
         if self.transverse is not None:
             raise InputError("expected laws by label or a transverse law, got both")
+
+    @property
+    def at_nodes(self) -> bool:
+        """Whether nodes have the material, not elements."""
+        return self.how.startswith("nodal")
 
     @property
     def treatment(self) -> str:
@@ -113,14 +117,14 @@ def assign(
     mapping: the paper's, at nodes, unless told.
     by_label: laws of the elements of some labels, by number; ``law`` is that of the rest. See ``by_label.py``.
     volume, region: the CT and the body in it; on one grid the mesh's mass is compared with the voxels'.
-        ``element-hu``, ``element-e`` and ``gauss`` integrate the CT itself; without it the HU that is interpolated from
-        the nodes.
+        All mappings but ``nodal`` read the CT itself; without it the HU that is interpolated from the nodes.
     labels: (n_k, n_j, n_i) label of each voxel on the region's grid, for the voxels' mass by ``by_label``.
     device: where to compute; ``open_device()`` unless told.
 
     Returns
     -------
-    The mesh with more fields, and the alarms. ``nodal`` adds the nodal fields ``density_g_cm3``, ``E_MPa`` and ``nu``;
+    The mesh with more fields, and the alarms. ``nodal``, ``nodal-hu`` and ``nodal-e`` add the nodal fields
+    ``density_g_cm3``, ``E_MPa`` and ``nu``, and the last two replace ``HU`` by the mean round each node;
     the others add element fields of the same names and ``HU``, of means over the elements. ``gauss`` adds element
     fields at the Gauss points, too: ``E_MPa_1`` to ``E_MPa_8`` (27 of order 2), ``nu_1`` and ``density_g_cm3_1`` and
     on, numbered as ``Element.gauss`` has the points, w fastest. With a transverse law ``E_MPa`` is the mean of the
@@ -137,7 +141,7 @@ def assign(
         raise InputError("expected the CT to read the surface's HU at a depth from, got a mesh or a model alone")
     if by_label:
         mapping.check_by_label()
-    if mapping.how == "nodal":
+    if mapping.at_nodes:
         mapped, alarms = _nodal(mesh, law, mapping, volume, region, device)
     else:
         mapped, alarms = _elements(mesh, law, by_label or {}, mapping, volume, region, device)
@@ -154,10 +158,43 @@ def assign(
 def _nodal(
     mesh: Mesh, law: Law, mapping: Mapping, volume: Volume | None, region: Region | None, device: Device
 ) -> tuple[Mesh, Alarms]:
-    if mapping.surface_depth_mm is not None and volume is not None and region is not None:
-        mesh = mesh.with_fields({"HU": _hu_from_inside(mesh, volume, region, mapping.surface_depth_mm, device)})
-    mapped, nodal = apply_material(mesh, law, device=device, **mapping.policy)
-    return mapped, nodal_alarms(mapped, nodal, device)
+    if mapping.how == "nodal":
+        if mapping.surface_depth_mm is not None and volume is not None and region is not None:
+            mesh = mesh.with_fields({"HU": _hu_from_inside(mesh, volume, region, mapping.surface_depth_mm, device)})
+        mapped, nodal = apply_material(mesh, law, device=device, **mapping.policy)
+        return mapped, nodal_alarms(mapped, nodal, device)
+    there, real = law_on_device(law, device, **mapping.policy), mesh.points.dtype
+    made = project(mesh, there, **_reading(mesh, mapping, volume, region, device))
+    mapped, nodal = apply_material(mesh.with_fields({"HU": made.hu.astype(real)}), law, device=device, **mapping.policy)
+    if mapping.how == "nodal-e":
+        if mapping.policy.get("policy") == "error":
+            _refuse_outside(made, law)
+        names = ("density_g_cm3", "modulus_mpa", "poisson")
+        nodal = replace(nodal, **{name: getattr(made, name).astype(real) for name in names})
+        fields = {"density_g_cm3": nodal.density_g_cm3, "E_MPa": nodal.modulus_mpa, "nu": nodal.poisson}
+        mapped = mapped.with_fields(fields)
+    return mapped, replace(nodal_alarms(mapped, nodal, device), mapping=mapping.how)
+
+
+def _reading(
+    mesh: Mesh, mapping: Mapping, volume: Volume | None, region: Region | None, device: Device
+) -> dict[str, Any]:
+    """Keywords of ``integrate`` and ``project``: how HU are read at quadrature points, and at how many."""
+    if "HU" not in mesh.fields and volume is None:
+        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    deep, fold = None, None
+    if mapping.surface_depth_mm is not None and region is not None:
+        deep = inset(region, mapping.surface_depth_mm, mesh.points, device)
+    elif mapping.treatment == "fold" and region is not None and volume is not None:
+        fold = folding(volume, region, mesh.points, device)
+    spacing = None if volume is None else volume.spacing_mm
+    return {
+        "sampler": None if volume is None else hu_sampler(volume, mesh.points, device),
+        "inset": deep,
+        "fold": fold,
+        "points": mesh.element.order + 1 if mapping.how == "gauss" else mapping.points or points_for(mesh, spacing),
+        "device": device,
+    }
 
 
 def nodal_alarms(
@@ -192,23 +229,9 @@ def _elements(
     region: Region | None,
     device: Device,
 ) -> tuple[Mesh, Alarms]:
-    if "HU" not in mesh.fields and volume is None:
-        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
-    deep, fold = None, None
-    if mapping.surface_depth_mm is not None and region is not None:
-        deep = inset(region, mapping.surface_depth_mm, mesh.points, device)
-    elif mapping.treatment == "fold" and region is not None and volume is not None:
-        fold = folding(volume, region, mesh.points, device)
-    spacing = None if volume is None else volume.spacing_mm
     gauss = mapping.how == "gauss"
-    how: dict[str, Any] = {
-        "order": "element-hu" if mapping.how == "element-hu" else "element-e",
-        "sampler": None if volume is None else hu_sampler(volume, mesh.points, device),
-        "inset": deep,
-        "fold": fold,
-        "points": mesh.element.order + 1 if gauss else mapping.points or points_for(mesh, spacing),
-        "device": device,
-    }
+    how = _reading(mesh, mapping, volume, region, device)
+    how["order"] = "element-hu" if mapping.how == "element-hu" else "element-e"
     split = shares(mesh, law, by_label) if by_label else [Share(0, law, np.arange(mesh.n_elements))]
     parts, alarms, materials = [], [], []
     for share in split:
@@ -249,17 +272,16 @@ def _pieces(made: ElementMaterial, law: Law, mapping: Mapping) -> NDArray[np.int
     """Field ``material`` of elements of one law; raises InputError where the policy refuses their HU."""
     policy = mapping.policy.get("policy", "clamp")
     if policy == "error":
-        _refuse_outside(made, law, mapping.how)
+        _refuse_outside(made, law, means=mapping.how == "element-hu")
     outside = np.zeros_like(made.piece) if policy == "floor" else -made.piece
     return np.where(made.piece < 0, outside, made.piece + 1)
 
 
-def _refuse_outside(made: ElementMaterial, law: Law, how: str) -> None:
+def _refuse_outside(made: ElementMaterial | Projected, law: Law, means: bool = False) -> None:
     """Raise InputError where HU is outside the law: the elements' means, or at any of the points."""
-    means = how == "element-hu"
-    count, of = (
-        (int(np.count_nonzero(made.piece < 0)), made.piece.size) if means else (made.points_outside, made.points)
-    )
+    count, of = made.points_outside, made.points
+    if means and isinstance(made, ElementMaterial):
+        count, of = int(np.count_nonzero(made.piece < 0)), made.piece.size
     if count:
         what = "elements' means" if means else "quadrature points"
         low, high = law.range_hu

@@ -108,8 +108,8 @@ def integrate(
     keep_gauss: keep the fields at the quadrature points, too.
     """
     rule = quadrature(mesh.element, points, device)
-    work = _Work(mesh, law, rule, sampler, inset, fold, keep_gauss)
-    parts = [work.chunk(elements) for elements in rule.chunks(mesh.n_elements)]
+    work = AtPoints(mesh, law, rule, sampler, inset, fold)
+    parts = [_means(work, elements, keep_gauss) for elements in rule.chunks(mesh.n_elements)]
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0] if "mass" not in name}
     first, other = ("mean", "of_mean") if order == "element-e" else ("of_mean", "mean")
     return ElementMaterial(
@@ -127,8 +127,13 @@ def integrate(
     )
 
 
-class _Work:
-    """The buffers of one integration, used again for every chunk of elements."""
+class AtPoints:
+    """HU and the law at the quadrature points of some elements after others, in buffers that are used again.
+
+    Attributes
+    ----------
+    volume, hu, density, modulus, poisson: buffers of (points, m) as of the last ``read``.
+    """
 
     def __init__(
         self,
@@ -138,44 +143,36 @@ class _Work:
         sampler: Sampler | None,
         inset: Inset | None,
         fold: Folding | None,
-        keep_gauss: bool,
     ) -> None:
-        self.mesh, self.law, self.rule, self.device, self.keep_gauss = mesh, law, rule, rule.device, keep_gauss
+        self.mesh, self.law, self.rule, self.device = mesh, law, rule, rule.device
         self.sampler, self.inset, self.fold, device = sampler, inset, fold, rule.device
         middle = mesh.planes.mean(axis=1, dtype=np.float64) if sampler is None else sampler.middle
         self.nodal = device.put((mesh.planes - middle[:, None]).astype(device.real))
         self.nodal_hu = None if sampler else device.put(mesh.fields["HU"].astype(device.real))
-        size = next(rule.chunks(mesh.n_elements)).stop
-        self.at_points = [device.empty(size * rule.n_points) for _ in range(8)]
-        self.of_elements = [device.empty(size) for _ in range(7)]
-        self.pieces = device.empty(size * rule.n_points, np.int32), device.empty(size, np.int32)
+        self.most = next(rule.chunks(mesh.n_elements)).stop
+        size = self.most * rule.n_points
+        *self.places, self.volume, self._hu, self.density, self.modulus, self.poisson = (
+            device.empty(size) for _ in range(8)
+        )
+        self.hu, self.piece = self._hu, device.empty(size, np.int32)
+        self.of_elements = [device.empty(self.most) for _ in range(7)]
+        self.piece_of_mean = device.empty(self.most, np.int32)
 
-    def chunk(self, elements: slice) -> dict[str, Any]:
-        """Means of some elements, and the law of their mean HU."""
-        m, g, nodes = elements.stop - elements.start, self.rule.n_points, nodes_of(self.mesh, elements, self.device)
-        *places, volume, hu, density, modulus, poisson = self.at_points
-        self.rule.places(self.nodal, self.mesh.n_nodes, nodes, m, places, volume)
-        hu = self._read_hu(nodes, m, places, hu)
-        mean_hu, mean_density, mean_modulus, mean_poisson, *of_mean = self.of_elements
-        self.law.launch(hu, g * m, density, modulus, poisson, self.pieces[0])
-        pairs = ((hu, mean_hu), (density, mean_density), (modulus, mean_modulus), (poisson, mean_poisson))
-        for values, mean in pairs:
-            self.rule.means(values, volume, m, mean)
-        self.law.launch(mean_hu, m, of_mean[0], of_mean[1], of_mean[2], self.pieces[1])
-        result = {name: self._get(buffer, m) for name, buffer in zip(_OF_ELEMENTS, self.of_elements, strict=True)}
-        result["piece"] = self._get(self.pieces[1], m)
-        result["outside"] = np.array([np.count_nonzero(self._see(self.pieces[0], g * m) < 0)])
-        return result | self._sums(m, volume, density, modulus, poisson)
+    def read(self, elements: slice) -> int:
+        """Fill the buffers for some elements; gives their number."""
+        m, nodes = int(elements.stop - elements.start), nodes_of(self.mesh, elements, self.device)
+        self.rule.places(self.nodal, self.mesh.n_nodes, nodes, m, self.places, self.volume)
+        self.hu = self._read_hu(nodes, m, self.places, self._hu)
+        self.law.launch(self.hu, self.rule.n_points * m, self.density, self.modulus, self.poisson, self.piece)
+        return m
 
-    def _sums(self, m: int, volume: Buffer, density: Buffer, modulus: Buffer, poisson: Buffer) -> dict[str, Any]:
-        shape = (self.rule.n_points, m)
-        parts, rho = (self._see(buffer, shape[0] * m).reshape(shape) for buffer in (volume, density))
-        found: dict[str, Any] = {"mm3": parts.sum(axis=0, dtype=np.float64)}
-        found["mass"] = np.einsum("gm,gm->g", parts, rho, dtype=np.float64).sum()
-        if self.keep_gauss:
-            for name, buffer in (("density_g_cm3", density), ("E_MPa", modulus), ("nu", poisson)):
-                found[name] = self._get(buffer, shape[0] * m).reshape(shape)
-        return found
+    def see(self, buffer: Buffer, m: int) -> NDArray[Any]:
+        """Values (points, m) of a buffer, until it is written again."""
+        return np.reshape(self._see(buffer, self.rule.n_points * m), (self.rule.n_points, m))
+
+    def points(self, m: int) -> Floats:
+        """Places (points m, 3) of the points, LPS mm, by points first; the mesh's own where there is no CT."""
+        return self._points(self.places, self.rule.n_points * m)
 
     def _read_hu(self, nodes: Buffer, m: int, places: list[Buffer], hu: Buffer) -> Buffer:
         """HU at the quadrature points, in ``hu`` or in a buffer of their own."""
@@ -200,8 +197,32 @@ class _Work:
         """The first values of a buffer, until it is written again."""
         return np.asarray(self.device.get(buffer)[:count])
 
-    def _get(self, buffer: Buffer, count: int) -> NDArray[Any]:
-        return np.array(self._see(buffer, count))
+
+def _means(work: AtPoints, elements: slice, keep_gauss: bool) -> dict[str, Any]:
+    """Means of some elements, and the law of their mean HU."""
+    m = work.read(elements)
+    mean_hu, mean_density, mean_modulus, mean_poisson, *of_mean = work.of_elements
+    pairs = (
+        (work.hu, mean_hu),
+        (work.density, mean_density),
+        (work.modulus, mean_modulus),
+        (work.poisson, mean_poisson),
+    )
+    for values, mean in pairs:
+        work.rule.means(values, work.volume, m, mean)
+    work.law.launch(mean_hu, m, of_mean[0], of_mean[1], of_mean[2], work.piece_of_mean)
+    result = {
+        name: np.array(work.device.get(buffer)[:m]) for name, buffer in zip(_OF_ELEMENTS, work.of_elements, strict=True)
+    }
+    result["piece"] = np.array(work.device.get(work.piece_of_mean)[:m])
+    result["outside"] = np.array([np.count_nonzero(work.see(work.piece, m) < 0)])
+    parts = work.see(work.volume, m)
+    result["mm3"] = parts.sum(axis=0, dtype=np.float64)
+    result["mass"] = np.einsum("gm,gm->g", parts, work.see(work.density, m), dtype=np.float64).sum()
+    if keep_gauss:
+        for name, buffer in (("density_g_cm3", work.density), ("E_MPa", work.modulus), ("nu", work.poisson)):
+            result[name] = np.array(work.see(buffer, m))
+    return result
 
 
 def gauss_fields(material: ElementMaterial) -> dict[str, NDArray[Any]]:

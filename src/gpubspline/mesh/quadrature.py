@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
-from gpubspline.mesh.elements import Element
+from gpubspline.mesh.elements import ELEMENTS, Element
 from gpubspline.mesh.mesh import Mesh
 
 CHUNK = 1 << 19
@@ -45,6 +45,7 @@ class Quadrature:
     shape: (g, k) shape functions.
     slopes: (g, k, 3) their derivatives; the third of quads is 0.
     weights: (g,).
+    corners: (g, c) shape functions of the straight element on its corners.
     """
 
     device: Device
@@ -53,6 +54,7 @@ class Quadrature:
     shape: Buffer
     slopes: Buffer
     weights: Buffer
+    corners: Buffer
 
     def places(self, points: Buffer, n: int, nodes: Buffer, m: int, out: list[Buffer], volume: Buffer) -> None:
         """Write places (three of (g, m)) and volumes (g, m) of elements of ``nodes`` (k, m) on points (3, n)."""
@@ -69,6 +71,11 @@ class Quadrature:
         """Write the means (m) of values (g, m) by volumes (g, m)."""
         self.device.launch("quadrature.means", m, values, volume, self.n_points, m, out)
 
+    def shares(self, values: Buffer, volume: Buffer, m: int, out: Buffer) -> None:
+        """Write the integrals (c, m) of values (g, m) times each corner's shape function, by volumes (g, m)."""
+        sizes = (self.n_points, self.element.n_corners, m)
+        self.device.launch("quadrature.shares", m, values, volume, self.corners, *sizes, out)
+
     def chunks(self, n_elements: int) -> Iterator[slice]:
         """Elements that are handled together."""
         size = max((CHUNK_FAST if "cuda" in self.device.name else CHUNK) // self.n_points, 8)
@@ -81,7 +88,8 @@ def quadrature(element: Element, n: int, device: Device) -> Quadrature:
     at, weights = rule(element, n)
     slopes = np.zeros((len(weights), element.n_nodes, 3))
     slopes[..., : element.dimension] = element.gradient(at).transpose(1, 2, 0)
-    tables = (device.put(values) for values in (element.shape(at), slopes, weights))
+    straight = ELEMENTS[{2: "quad4", 3: "hex8"}[element.dimension]]
+    tables = (device.put(values) for values in (element.shape(at), slopes, weights, straight.shape(at)))
     return Quadrature(device, element, len(weights), *tables)
 
 

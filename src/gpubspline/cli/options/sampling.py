@@ -39,8 +39,8 @@ class SamplingOptions:
         str | None,
         option(
             "Material",
-            "law at nodes or Gauss points (nodal, gauss), of an element's mean HU or its mean (element-hu, element-e) "
-            "(default: nodal; element-e with laws of labels)",
+            "law at nodes or Gauss points (nodal, gauss); of the mean HU round a node or in an element (nodal-hu, "
+            "element-hu), or its mean there (nodal-e, element-e) (default: nodal; element-e with laws of labels)",
             metavar="HOW",
         ),
     ] = None
@@ -49,7 +49,7 @@ class SamplingOptions:
         option("Material", "law across w: orthotropic elements, --law along w", metavar="NAME|FILE.toml"),
     ] = None
     quadrature: Annotated[
-        int | None, option("Material", "points per direction of element-* (default: by the voxels)", metavar="N")
+        int | None, option("Material", "points per direction of *-hu and *-e (default: by the voxels)", metavar="N")
     ] = None
     surface_depth: Annotated[
         float | None, option("Material", "read HU near the surface this far inside", metavar="MM")
