@@ -11,20 +11,21 @@ node; those along v and u make n_w / N and n_v n_w / N^2 as many numbers of n co
 
 A cubic 128^3 at 200^3 thus costs 1.6 times the paper's control by operations alone, degree 5 half as much again, and
 1.26 times by bytes, since its control points are a fourth of its nodes and lie in no cache. The paper's patch itself
-goes near the speed of memory, 4.6 ms of processor for 200^3 on two cores of Zen 5 by PoCL, 3 of them its stores, so
+goes near the speed of memory, 4.2 ms of processor for 200^3 on two cores of Zen 5 by PoCL, 3.1 of them its stores, so
 that whatever another adds is seen. By processor time, degrees 1 to 5 (300^3: 1, 3, 4 and 5; 460^3: 1, 3 and 5), in turn
 with the paper's patch on a busy machine:
 
     control  200^3 nodes                   300^3 nodes             460^3 nodes
-    64^3     1.09, 1.14, 1.19, 1.24, 1.31
-    128^3    1.43, 1.65, 1.78, 1.93, 2.15  1.13, 1.39, 1.28, 1.57  1.07, 1.16, 1.40
+    64^3     1.09, 1.11, 1.17, 1.20, 1.26
+    128^3    1.50, 1.60, 1.66, 1.80, 1.85  1.19, 1.33, 1.38, 1.48  1.12, 1.16, 1.26
 
-At 200^3 a limit of 1.6 leaves 2.8 ms for what 128^3 adds, and degree 3 adds 3.6, degree 5 5.3 ms: reading 34 MB at 45
-GB/s a core 0.7 ms; 0.8 million vectors of 16 along u, each the sum of degree + 1 products of lanes picked at a cycle or
-more apiece, 1 to 1.7 ms (timed by doing the pass twice); 1.3 million vectors along v, written to the second cache at
-about 5 cycles each, 1.5 ms; and in the last pass degree + 1 planes of the second cache for every 1.6 planes of nodes,
-where the paper's patch reads 4 for 4.7: up to 4 cycles a vector more for degree 5. The peer ``cubic 20x24x46`` is
-the paper's patch at as many nodes, timed in turn with each.
+The last pass takes 3.5 ms at 200^3 whatever the degree and the control points: its stores hide the rest. What is before
+it takes 0.7 ms for the paper's patch, 3.5 for degree 3 of 128^3 and 4.6 for degree 5. Of the 3.5 are 1.9 the 1.3
+million vectors of 16 along v, 6 cycles each, 4 where nothing has to go to the second cache; and 1.6 the 0.9 million
+along u, 15 instructions each and 8 for what their weights and rows take, and reading 34 MB, 0.7 ms were nothing
+overlapped. This processor asks for no memory ahead: 13 ms without the rows that each call asks for. So 1.6, which
+leaves 2.5 ms for what is added, is met by degree 5 where nodes are many for their control points. The peer ``cubic
+20x24x46`` is the paper's patch at as many nodes, timed in turn with each.
 
 Peers: ``scipy float64`` is SciPy's sparse design matrices applied axis by axis as they come, 40 to 50 million nodes a
 second of a core at best, 12 million where the machine is busy: it is this form that 16 to 24 million and the aim of 20

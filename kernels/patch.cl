@@ -16,13 +16,13 @@
 #define SUM_5(w, term) (SUM_4(w, term) + w##5 * term(5))
 
 // Calls what is defined for each degree by its number.
-#define FOR_DEGREE(call) \
-    switch (degree) {    \
-    case 1: call(1) break; \
-    case 2: call(2) break; \
-    case 3: call(3) break; \
-    case 4: call(4) break; \
-    case 5: call(5) break; \
+#define FOR_DEGREE(call)       \
+    switch (degree) {          \
+    case 1: { call(1) } break; \
+    case 2: { call(2) } break; \
+    case 3: { call(3) } break; \
+    case 4: { call(4) } break; \
+    case 5: { call(5) } break; \
     }
 
 // u axis: source (n_rows, n_control) -> target (n_rows, n_out); launched over (n_rows / block, n_out), each work item
@@ -73,7 +73,7 @@ void contract(__global const real *source, int n_control, int inner, __global co
 #if LANES > 1 // what the passes of a CPU share
 
 // Numbers of a plane that stay in a core's first cache while some spans are made of them.
-#define CHUNK 512
+#define CHUNK 768
 
 // Rows of control points that are contracted together and share weights, and the places of a ring of such rows, which
 // holds those of a span too.
@@ -96,15 +96,16 @@ inline void contract_lines(int row, int count, __global const real *from, __glob
             fetch(next, i * BLOCK, LANES * BLOCK);
         maskv given = to_maskv(LANE_NUMBERS < n_out - i);
         intv first = load_int(span, i) - degree;
-#define WEIGHTS(a) (a <= degree ? select((realv)0, load(values, (size_t)min(a, degree) * n_out + i), given) : 0)
-        realv w0 = WEIGHTS(0), w1 = WEIGHTS(1), w2 = WEIGHTS(2), w3 = WEIGHTS(3), w4 = WEIGHTS(4), w5 = WEIGHTS(5);
         uint wait = (1 << min(LANES, n_out - i)) - 1; // lanes
         for (bool again = false; wait; again = true) {
             int start = span[i + ctz(wait)] - degree;
             intv at = first - start;
             maskv inside = to_maskv(at >= 0 && at < LANES - degree);
 #define PICKED(a) pick(window, at + a)
+#define WEIGHTS(a, p) (a <= p ? select((realv)0, load(values, (size_t)a * n_out + i), given) : 0)
 #define LINES(p)                                                                      \
+    realv w0 = WEIGHTS(0, p), w1 = WEIGHTS(1, p), w2 = WEIGHTS(2, p);                 \
+    realv w3 = WEIGHTS(3, p), w4 = WEIGHTS(4, p), w5 = WEIGHTS(5, p);                 \
     for (int r = 0; r < count; r++) {                                                 \
         realv window = load(from, r * n_u + start), sum = SUM_##p(w, PICKED);         \
         store_all(again ? select(load(to[r], i), sum, inside) : sum, to[r], i);       \
@@ -141,17 +142,21 @@ inline void sum_rows(int degree, __global const real *const *rows, size_t at, __
     __global const real *r3 = rows[3] + at, *r4 = rows[4] + at, *r5 = rows[5] + at;
     int i = 0;
 #define ROW(a) load(r##a, i)
-#define KEPT(p)                      \
-    for (; i < count; i += LANES) \
-        store(SUM_##p(w, ROW), to, i, count - i);
+#define KEPT(p)                               \
+    for (; i + LANES <= count; i += LANES)    \
+        store_all(SUM_##p(w, ROW), to, i);
 #define PAST(p)                               \
     store(SUM_##p(w, ROW), to, i, count);     \
     i = -((size_t)to / sizeof(real)) % LANES; \
     for (; i + LANES <= count; i += LANES)    \
         stream_all(SUM_##p(w, ROW), to, i);
+#define REST(p) store(SUM_##p(w, ROW), to, i, count - i);
     if (large)
         FOR_DEGREE(PAST)
-    FOR_DEGREE(KEPT)
+    else
+        FOR_DEGREE(KEPT)
+    if (i < count)
+        FOR_DEGREE(REST)
 }
 
 // Where `places` rows or planes of a ring lie, `size` apart, and those of a span that begins at the last of them.
