@@ -93,6 +93,8 @@ void hex_scaled_jacobian(__global const real *x, __global const real *y, __globa
 #if LANES == 1
         FACE(n, at)
 #endif
+        size_t soon = at + layer + 2 * n_u;
+        fetch(x, soon, LANES), fetch(y, soon, LANES), fetch(z, soon, LANES); // the row after the next of the layer behind
         FACE(m, first + min(i + LANES, n_u - 1))
         realv low = 2, sum = 0;
         LEAST(0, at)
