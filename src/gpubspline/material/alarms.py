@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.material.laws import Law
+from gpubspline.material.mass_parts import MassParts
 
 NEAR_ZERO_MPA = 10.0
 """A modulus below this is softer than the bone that any of the laws was fitted to: marrow, air, or a wrong unit."""
@@ -30,6 +31,7 @@ class Alarms:
     near_zero: those whose modulus is below ``NEAR_ZERO_MPA``.
     mass_mesh_g: density integrated over the mesh; None for quads.
     mass_voxels_g: the same law over the region's voxels; None without the CT.
+    mass_parts: where the two part; None where they do not by more than ``MASS_TOLERANCE``, or it was not looked for.
     order_difference: of ``element-hu`` and ``element-e`` from each other, relative: mean by volume, and greatest.
     surface_depth_mm: how far inside the HU of the surface was read.
     partial_volume: what was done with the part of the surface's HU that is what lies outside, one of
@@ -49,6 +51,7 @@ class Alarms:
     surface_depth_mm: float | None = None
     partial_volume: str | None = None
     by_label: tuple[dict[str, Any], ...] = ()
+    mass_parts: MassParts | None = None
 
     @property
     def mass_difference(self) -> float | None:
@@ -59,7 +62,8 @@ class Alarms:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
-        order = self.order_difference
+        order, parts = self.order_difference, self.mass_parts
+        mass = {"mesh": self.mass_mesh_g, "voxels": self.mass_voxels_g, "difference": self.mass_difference}
         return {
             "mapping": self.mapping,
             "surface_depth_mm": self.surface_depth_mm,
@@ -70,7 +74,8 @@ class Alarms:
             "beyond_specimens": None if self.beyond_specimens is None else self.beyond_specimens / self.count,
             "near_zero_modulus": self.near_zero / self.count,
             "near_zero_mpa": NEAR_ZERO_MPA,
-            "mass_g": {"mesh": self.mass_mesh_g, "voxels": self.mass_voxels_g, "difference": self.mass_difference},
+            "mass_g": mass,
+            "mass_parts": None if parts is None else parts.to_dict(),
             "order_difference": None if order is None else {"mean": order[0], "max": order[1]},
         }
 
@@ -109,11 +114,26 @@ def mass_advice(alarms: dict[str, Any], volume_mm3: dict[str, float | None] | No
     ``volume_mm3``: of mesh and region, as a summary has them.
     """
     mesh, region = ((volume_mm3 or {}).get(name) for name in ("mesh", "region"))
-    off = mesh / region - 1 if mesh and region else 0.0
-    if abs(off) > MASS_TOLERANCE and off / alarms["mass_g"]["difference"] > 0.5:
-        return f"its volume is {abs(off):.1%} {'above' if off > 0 else 'below'} the region's"
+    off, difference = mesh / region - 1 if mesh and region else 0.0, alarms["mass_g"]["difference"]
+    parts = alarms.get("mass_parts")
+    between = 1.0 if parts is None else parts["between_nodes_g"] / (difference * alarms["mass_g"]["voxels"])
+    where = _where(parts) if parts is not None and between <= 0.5 else ""
+    if abs(off) > MASS_TOLERANCE and off / difference > 0.5:
+        return f"its volume is {abs(off):.1%} {'above' if off > 0 else 'below'} the region's{where and ': ' + where}"
     if alarms["partial_volume"] == "none" and alarms["surface_depth_mm"] is None:
         return "HU on the surface are half of what lies outside; --partial-volume fold gives them their own"
+    if where:
+        return where
     if alarms["mapping"] == "nodal":
-        return "HU are interpolated between nodes or control points: more of them, or --mapping element-e, mend it"
+        return (
+            "HU are interpolated between nodes or control points: more of them, --mapping nodal-e or element-e mend it"
+        )
     return "the quadrature is too coarse, or the mesh and the region differ in places"
+
+
+def _where(parts: dict[str, float]) -> str:
+    filled, left = parts["filled_mm3"], parts["left_mm3"]
+    return (
+        f"it fills {filled:,.0f} mm3 ({parts['filled_g']:.3g} g) outside the region, such as cracks and pores, and "
+        f"leaves out {left:,.0f} mm3 of it; smaller elements follow it closer"
+    )

@@ -13,12 +13,13 @@ from gpubspline.ct.sampler import hu_sampler
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
-from gpubspline.material.alarms import Alarms, add_alarms, count_alarms
+from gpubspline.material.alarms import MASS_TOLERANCE, Alarms, add_alarms, count_alarms
 from gpubspline.material.by_label import Share, joined, numbered, shares, told
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
 from gpubspline.material.mapping import Material, apply_material, check_policy, law_on_device
+from gpubspline.material.mass_parts import MassParts, ct_masses
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.projection import Projected, project
 from gpubspline.material.registry import law as find_law
@@ -145,14 +146,27 @@ def assign(
         mapped, alarms = _nodal(mesh, law, mapping, volume, region, device)
     else:
         mapped, alarms = _elements(mesh, law, by_label or {}, mapping, volume, region, device)
-    mass, depth, treatment = None, mapping.surface_depth_mm, None
-    if volume is not None and region is not None:
-        treatment = mapping.treatment
-        if mesh.element.dimension == 3 and region.is_on(volume):
-            there = {label: law_on_device(each, device, **mapping.policy) for label, each in (by_label or {}).items()}
-            how: dict[str, Any] = {"partial_volume": treatment, "by_label": there, "labels": labels}
-            mass = voxel_mass_g(volume, region, law_on_device(law, device, **mapping.policy), device, depth, **how)
-    return mapped, replace(alarms, mass_voxels_g=mass, surface_depth_mm=depth, partial_volume=treatment)
+    alarms = replace(alarms, surface_depth_mm=mapping.surface_depth_mm)
+    if volume is None or region is None:
+        return mapped, alarms
+    alarms = replace(alarms, partial_volume=mapping.treatment)
+    if mesh.element.dimension != 3 or not region.is_on(volume):
+        return mapped, alarms
+    there = {label: law_on_device(each, device, **mapping.policy) for label, each in (by_label or {}).items()}
+    how: dict[str, Any] = {"partial_volume": mapping.treatment, "by_label": there, "labels": labels}
+    rest = law_on_device(law, device, **mapping.policy)
+    mass = voxel_mass_g(volume, region, rest, device, mapping.surface_depth_mm, **how)
+    alarms = replace(alarms, mass_voxels_g=mass)
+    if abs(alarms.mass_difference or 0) > MASS_TOLERANCE:
+        split = shares(mesh, law, by_label) if by_label else None
+        reading = _reading(mesh, mapping, volume, region, device)
+        parts = [(mesh, rest)] if split is None else [(each.part(mesh), there.get(each.label, rest)) for each in split]
+        found = np.sum([ct_masses(part, own, region, **reading) for part, own in parts], axis=0)
+        ct_g, filled_mm3, filled_g = found.tolist()
+        left_mm3 = max(region.volume_mm3 - (mesh.volume_mm3 - filled_mm3), 0.0)
+        between_g = (alarms.mass_mesh_g or 0.0) - ct_g
+        alarms = replace(alarms, mass_parts=MassParts(between_g, filled_mm3, filled_g, left_mm3))
+    return mapped, alarms
 
 
 def _nodal(
