@@ -3,7 +3,8 @@
 // `volume` samples one level or more, one after another; a node is held by one or, on the curve where two meet, by both.
 // `to_index` is the row-major 3x4 map from coordinates to the index (i, j, k).
 // `pieces` (18, n_pieces) are the corners of triangles of smooth parts and the unit normals there, and segments of curves as
-// triangles whose second and third corner are one, with their directions instead of normals. `around_start` (n_pieces + 1) and `around` list the pieces of the same part or curve that touch one.
+// triangles whose second and third corner are one, with their directions instead of normals. `around_start` (n_pieces + 1)
+// and `around` list the pieces of the same part or curve that touch one.
 
 #define FREE ((real)1e6)
 #define TINY ((real)1e-20)

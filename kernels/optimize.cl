@@ -2,8 +2,9 @@
 // round them; the energy that they descend is in energy.cl.
 //
 // Coordinates are planes (3, n). Where there are pieces to walk on, x is (4, n): places on the flat pieces, and in the last
-// plane the piece that each node is on; y (3, n) is where the curved pieces have it. Elsewhere y is x. `nodes` is (k, m): plane a holds the number of vertex a of each element, 4 or 8, in VTK's order. `start` (n + 1) and
-// `slots` say where the elements of each node are: slot a m + e for vertex a of element e.
+// plane the piece that each node is on; y (3, n) is where the curved pieces have it. Elsewhere y is x. `nodes` is (k, m):
+// plane a holds the number of vertex a of each element, 4 or 8, in VTK's order. `start` (n + 1) and `slots` say where the
+// elements of each node are: slot a m + e for vertex a of element e.
 // `slack` (n) says how far a node may be from the zero level: FREE or more lets it go anywhere, below 0 it stays.
 // `levels` (2, n) says which level holds each node, and the second one of a node on the curve where two meet, else -1; where
 // there are pieces, that it is on a curve. The rest is said in hold.h.
@@ -142,11 +143,12 @@ inline point ahead(point p, int way, real step)
 // corners it has a part in, to `floor` if it can: the best of 14 directions, again from there, `step` times the node's `size`
 // halved `halvings` times where none helps. The length of a hex's edge at the node, times `steep` and over its `size`,
 // counts as a corner does.
-__kernel void improve(__global real *x, __global real *y, int n, __global const int *nodes, int k, int m, __global const int *start,
-                      __global const int *slots, __global const real *slack, __global const int *levels,
-                      __global const int *moved, int begin, int count, real floor, real steep, real step, __global const real *size,
-                      int halvings, int tries, __global const real *volume, int n_i, int n_j, int n_k,
-                      __global const real *to_index, __global const real *pieces, int n_pieces,
+__kernel void improve(__global real *x, __global real *y, int n, __global const int *nodes, int k, int m,
+                      __global const int *start, __global const int *slots, __global const real *slack,
+                      __global const int *levels, __global const int *moved, int begin, int count, real floor,
+                      real steep, real step, __global const real *size, int halvings, int tries,
+                      __global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
+                      __global const real *pieces, int n_pieces,
                       __global const int *around_start, __global const int *around)
 {
     int item = get_global_id(0);

@@ -76,6 +76,11 @@ ENOUGH = 0.35
 """Least scaled Jacobian at which ``persist`` stops."""
 
 
+LOW, LITTLE, CREEPS, CREEP_EDGES = 0.1, 0.02, 3, (1e-3, 1e-4, 1e-5)
+"""Least scaled Jacobian below which ``persist`` creeps: by how much at once, how often that is halved, and the weights
+of even edges in turn."""
+
+
 @dataclass(frozen=True, eq=False)
 class Placed:
     """Nodes (3, n) on a device, the least scaled Jacobian between them, and how far each may be off the surface."""
@@ -196,8 +201,13 @@ def _few_round(hexes: Movable, x: Buffer, floor: float, effort: Effort) -> NDArr
 def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
     """Climb again and again, asking for more and for less and with edges freer to stretch, while that gains.
 
-    What stops one descent, a few hexes that give way to each other, often does not stop the next.
+    What stops one descent, a few hexes that give way to each other, often does not stop the next. Before, creep where
+    no floor was reached at all.
     """
+    if 0 < best.least < LOW:
+        best = creep(hexes, colours, best, effort)
+        if best.least >= LOW:
+            return best
     for _ in range(ROUNDS):
         before = best.least
         for ahead, edges in TURNS:
@@ -206,6 +216,23 @@ def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort)
             best = climb(hexes, colours, best, replace(effort, ahead=ahead, edges=edges))
         if best.least < before + GAIN:
             break
+    return best
+
+
+def creep(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Raise the floor by little at a time, and by half as much again and again where that is not reached.
+
+    Where many hexes are hardly better than the worst, a descent that asks for more raises the many at the cost of a
+    few, which end inverted; for this little only the worst go, and those they push.
+    """
+    for edges in CREEP_EDGES:
+        missed = 0
+        while missed < CREEPS and best.least < effort.goal:
+            little = LITTLE * 0.5**missed
+            gentle = replace(effort, ahead=little, edges=edges)
+            made = raise_to(hexes, colours, copy(hexes, best.x), best.least + little, best.slack, gentle)
+            missed = 0 if made.least >= best.least + 0.5 * little else missed + 1
+            best = _better(best, made)
     return best
 
 
