@@ -6,6 +6,7 @@ follow by transfinite interpolation (Gordon and Hall 1973) of edges and faces.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ KEPT = 0.25
 """Of a straight hex's least determinant, over its mean one: what is certified of the curved block."""
 
 EASED, EASINGS = 0.7, 12
-"""What is left, each time, of the way of a block's outer points to the surface; times at most, the last to none."""
+"""What is left, each time, of the way of a block's outer points to the surface; after so many times none is."""
 
 _CHUNK = 1 << 20  # samples held at a time
 
@@ -85,7 +86,8 @@ class BezierBlocks:
         points[fine.numbers] = _along_axes(at, self.control[self.lattice.numbers])
         if project is not None:
             outer, share = fine.on_boundary, np.empty(len(points))
-            share[fine.numbers] = _broken_lines(self.degree, fine.degree, self.there[self.lattice.numbers])
+            there = self.there[self.lattice.numbers, None].astype(np.float64)
+            share[fine.numbers] = _broken_lines(self.degree, fine.degree, there)[..., 0]
             way = project(points[outer], outer_normals(fine, self.control[: fine.n_corners])[outer]) - points[outer]
             points[outer] += share[outer, None] * way
         cells = np.stack([_of_vertex(fine.numbers, vertex, element.order) for vertex in element.vertices], axis=-1)
@@ -143,23 +145,23 @@ def bezier_blocks(
 
     share, goes = np.ones(lattice.starts[-1]), np.ones(len(corners))
     goes[[] if stay is None else stay] = 0.0
-    share[lattice.numbers] = _broken_lines(1, degree, goes[lattice.numbers[:, ::degree, ::degree, ::degree]])
+    share[lattice.numbers] = _broken_lines(1, degree, goes[_corners_of(lattice), None])[..., 0]
     wanted = share.copy()
     curved = np.asarray(lattice.on_boundary[lattice.numbers].any(axis=(1, 2, 3)))
-    straight = lattice.numbers[curved, ::degree, ::degree, ::degree]
+    straight = _corners_of(lattice)[curved]
     kept = np.full(len(curved), -np.inf)
-    kept[curved] = KEPT * _least_jacobian(corners[straight], 1)[1]
+    kept[curved] = KEPT * _least_jacobian(_broken_lines(1, degree, corners[straight]), degree)[1]
     changed = curved
     poor = np.zeros(len(curved), dtype=bool)
-    for left in reversed(range(EASINGS)):
+    for times in count():
         control = _control(lattice, _through(lattice, corners, put, share))
         scaled, ratio = _least_jacobian(control[lattice.numbers[changed]], degree)
         poor[changed] = (scaled <= floor) | (ratio < kept[changed])
         eased = np.zeros(len(share), dtype=bool)
         eased[lattice.numbers[poor]] = True
-        if not left or not share[eased].any():
+        if not share[eased].any():
             break
-        share[eased] *= EASED if left > 1 else 0.0
+        share[eased] *= EASED if times < EASINGS else 0.0
         changed = curved & eased[lattice.numbers].any(axis=(1, 2, 3))
     held = off[lattice.on_boundary & (share < wanted)]
     return BezierBlocks(
@@ -196,8 +198,13 @@ def _is_outer(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.bool_]
 
 def _outer_corners(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.int64]:
     """(f, 2, 2) corners of the outer faces on one side, along the other two axes in turn."""
-    ends = lattice.numbers[:, :: lattice.degree, :: lattice.degree, :: lattice.degree]
+    ends = _corners_of(lattice)
     return np.asarray(np.take(ends, side, axis=1 + axis)[_is_outer(lattice, axis, side)])
+
+
+def _corners_of(lattice: SharedLattice) -> NDArray[np.int64]:
+    """(m, 2, 2, 2) corners of each hex along u, v, w."""
+    return np.asarray(lattice.numbers[:, :: lattice.degree, :: lattice.degree, :: lattice.degree])
 
 
 def _unit(vectors: Floats) -> Floats:
@@ -264,10 +271,10 @@ def _through(lattice: SharedLattice, corners: Floats, put: Put, share: Floats) -
     return points
 
 
-def _broken_lines(degree: int, fine: int, values: NDArray[Any]) -> Floats:
-    """Values (m, d + 1, d + 1, d + 1) of lattices of one degree at the points of another, linear between theirs."""
+def _broken_lines(degree: int, fine: int, values: Floats) -> Floats:
+    """Values (m, d + 1, d + 1, d + 1, c) of lattices of one degree at the points of another, linear between theirs."""
     at = np.linspace(0, degree, fine + 1)[:, None]
-    return _along_axes(np.maximum(0, 1 - np.abs(at - np.arange(degree + 1))), values[..., None])[..., 0]
+    return _along_axes(np.maximum(0, 1 - np.abs(at - np.arange(degree + 1))), values)
 
 
 def _between_ends(values: Floats, axis: int) -> Floats:

@@ -14,6 +14,9 @@ from gpubspline.mesh.movable import one_level, put_level
 
 Floats = NDArray[np.float64]
 
+LEAST = 0.4
+"""Least scaled Jacobian inside curved blocks: more costs distance from the surface, less gains none."""
+
 MOST_BEND = 0.02
 """Largest correction of a sample, in elements: a kink bends more, and is no curvature."""
 
@@ -25,7 +28,7 @@ _SLIDES = 3
 """Times that a point takes the Newton steps of the kernel: enough from a chord's middle."""
 
 
-def curve(made: Blocks, *, degree: int = 2, floor: float = 0.0, device: Device) -> BezierBlocks:
+def curve(made: Blocks, *, degree: int = 2, floor: float = LEAST, device: Device) -> BezierBlocks:
     """Make each hex a Bezier hyperpatch whose outer faces follow the level set, as far as no block folds.
 
     Corners that were drawn out to tips of the region stay there.
