@@ -23,8 +23,8 @@ The last pass takes 3.5 ms at 200^3 whatever the degree and the control points: 
 it takes 0.7 ms for the paper's patch, 3.5 for degree 3 of 128^3 and 4.6 for degree 5. Of the 3.5 are 1.9 the 1.3
 million vectors of 16 along v, 6 cycles each, 4 where nothing has to go to the second cache; and 1.6 the 0.9 million
 along u, 15 instructions each and 8 for what their weights and rows take, and reading 34 MB, 0.7 ms were nothing
-overlapped. Rows so short are not foreseen by the processor: 13 ms where calls do not ask for those of the next. 1.6,
-which leaves 2.5 ms for what is added, is met by degree 5 where nodes are many for their control points. The peer
+overlapped. Rows so short are not foreseen by the processor: 13 ms where calls do not ask for those of the next. The aim
+of 1.6 leaves 2.5 ms for what is added; degree 5 meets it where nodes are many for their control points. The peer
 ``cubic 20x24x46`` is the paper's patch at as many nodes, timed in turn with each.
 
 Peers: ``scipy float64`` is SciPy's sparse design matrices applied axis by axis as they come, 40 to 50 million nodes a

@@ -81,16 +81,12 @@ void contract(__global const real *source, int n_control, int inner, __global co
 #define N_ROWS 16
 #define MOST_PLANES 16 // of the ring behind it
 
-// u axis of `count` rows of a plane, at most BLOCK, from `row` on, to their places in a ring. The spans of LANES
-// parameters lie in one vector of control points where `near` says so, else in as many as it takes. `next` are the rows
-// that the next call wants.
-inline void contract_lines(int row, int count, __global const real *from, __global const real *next, int n_u,
+// u axis of `count` rows of a plane, at most BLOCK, to their places in a ring. The spans of LANES parameters lie in one
+// vector of control points where `near` says so, else in as many as it takes. `next` are the rows that the next call wants.
+inline void contract_lines(int count, __global const real *from, __global const real *next, int n_u,
                            __global const int *span, __global const real *values, int degree, int n_out, bool near,
-                           __global real *rows, int row_size)
+                           __global real *const *to)
 {
-    __global real *to[BLOCK];
-    for (int r = 0; r < count; r++)
-        to[r] = rows + (uint)(row + r) % N_ROWS * row_size;
     for (int i = 0; i < n_out; i += LANES) {
         if (i < n_u)
             fetch(next, i * BLOCK, LANES * BLOCK);
@@ -134,7 +130,7 @@ inline bool spans_are_near(__global const int *span, int degree, int n_out)
 }
 
 // The sum of degree + 1 rows of `count` numbers, from `at` on in each, by the weights of one parameter.
-inline void sum_rows(int degree, __global const real *const *rows, size_t at, __global const real *values, int n_out,
+inline void sum_rows(int degree, __global real *const *rows, size_t at, __global const real *values, int n_out,
                      int count, __global real *to, bool large)
 {
     real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
@@ -159,10 +155,10 @@ inline void sum_rows(int degree, __global const real *const *rows, size_t at, __
         FOR_DEGREE(REST)
 }
 
-// Where `places` rows or planes of a ring lie, `size` apart, and those of a span that begins at the last of them.
-inline void lay_ring(int places, size_t size, __global const real *ring, __global const real **at)
+// Where `places` rows or planes of a ring lie, `size` apart, and those of a block or span that begins at the last of them.
+inline void lay_ring(int places, size_t size, __global real *ring, __global real **at)
 {
-    for (int a = 0; a < places + MAX_DEGREE; a++)
+    for (int a = 0; a < places + BLOCK; a++)
         at[a] = ring + a % places * size;
 }
 
@@ -196,7 +192,7 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     int row_size = (out_u + LANES - 1) / LANES * LANES, plane_size = (band * out_u + 2 * LANES - 1) / LANES * LANES;
     __global real *rows = vectors + (size_t)item * item_size;
     __global real *planes = rows + N_ROWS * row_size;
-    __global const real *in_rows[N_ROWS + MAX_DEGREE], *in_planes[MOST_PLANES + MAX_DEGREE];
+    __global real *in_rows[N_ROWS + BLOCK], *in_planes[MOST_PLANES + BLOCK];
     lay_ring(N_ROWS, row_size, rows, in_rows);
     lay_ring(n_planes, plane_size, planes, in_planes);
     int first_row = n_v, end_row = 0; // of control points that the band needs
@@ -218,18 +214,18 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                 for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK) {
                     size_t at = (size_t)plane * n_v + row;
                     size_t next = row + BLOCK < end_row ? at + BLOCK : (size_t)(plane + 1) * n_v + first_row;
-                    contract_lines(row, min(BLOCK, end_row - row), control + at * n_u, control + next * n_u, n_u, span_u,
-                                   values_u, degree_u, out_u, near, rows, row_size);
+                    contract_lines(min(BLOCK, end_row - row), control + at * n_u, control + next * n_u, n_u, span_u,
+                                   values_u, degree_u, out_u, near, in_rows + (uint)row % N_ROWS);
                 }
-                __global real *to = planes + plane % n_planes * plane_size + (j - first_j) * out_u;
-                __global const real **from = in_rows + (uint)(span_v[j] - degree_v) % N_ROWS;
+                __global real *const *from = in_rows + (uint)(span_v[j] - degree_v) % N_ROWS;
+                __global real *to = in_planes[plane % n_planes] + (j - first_j) * out_u;
                 sum_rows(degree_v, from, 0, values_v + j, out_v, row_size, to, false);
             }
         }
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
+                __global real *const *from = in_planes + (span_w[at] - degree_w) % n_planes;
                 __global real *to = target + (size_t)at * out_v * out_u + done;
-                __global const real **from = in_planes + (span_w[at] - degree_w) % n_planes;
                 sum_rows(degree_w, from, done, values_w + at, out_w, min(count - done, CHUNK), to, large);
             }
         }
