@@ -59,3 +59,30 @@ def tangents(
         value = wp.vector(planes[node], planes[n + node], planes[2 * n + node])
         t = t + wp.outer(value, wp.vector(slopes[at], slopes[at + 1], slopes[at + 2]))
     return t
+
+
+@wp.func
+def gradient(
+    points: wp.array(dtype=Any),
+    displacement: wp.array(dtype=Any),
+    n: wp.int32,
+    nodes: wp.array(dtype=wp.int32),
+    k: wp.int32,
+    m: wp.int32,
+    e: wp.int32,
+    slopes: wp.array(dtype=Any),
+    g: wp.int32,
+):
+    """Gradient of the displacement in space at one Gauss point, and A there."""
+    t = tangents(points, n, nodes, k, m, e, slopes, g)
+    A = cofactors(t)
+    H = tangents(displacement, n, nodes, k, m, e, slopes, g)
+    return H * A * (points.dtype(1.0) / determinant_of(t, A)), A
+
+
+@wp.func
+def store_flux(F: Any, g: wp.int32, m: wp.int32, e: wp.int32, fluxes: wp.array(dtype=Any)):
+    """Keep what one Gauss point of an element gives in (points, 3, 3, m)."""
+    for c in range(3):
+        for d in range(3):
+            fluxes[(9 * g + 3 * c + d) * m + e] = F[c, d]

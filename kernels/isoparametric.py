@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.elasticity import cofactors, determinant_of, stress, tangents
+from gpubspline.kernels.elasticity import cofactors, determinant_of, gradient, store_flux, stress, tangents
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -48,14 +48,8 @@ def fluxes(
     """What the stress at each Gauss point gives against the parameters' derivatives, (points, 3, 3, m)."""
     e = wp.tid() + first
     for g in range(n_points):
-        t = tangents(points, n, nodes, k, m, e, slopes, g)
-        A = cofactors(t)
-        H = tangents(displacement, n, nodes, k, m, e, slopes, g)
-        G = H * A * (out.dtype(1.0) / determinant_of(t, A))
-        F = weights[g] * stress(G, lam[g * m + e], mu[g * m + e]) * wp.transpose(A)
-        for c in range(3):
-            for d in range(3):
-                out[(9 * g + 3 * c + d) * m + e] = F[c, d]
+        G, A = gradient(points, displacement, n, nodes, k, m, e, slopes, g)
+        store_flux(weights[g] * stress(G, lam[g * m + e], mu[g * m + e]) * wp.transpose(A), g, m, e, out)
 
 
 @wp.kernel(enable_backward=False, module="unique")

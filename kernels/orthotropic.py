@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.elasticity import cofactors, determinant_of, stress, tangents
+from gpubspline.kernels.elasticity import gradient, store_flux, stress
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -39,12 +39,6 @@ def fluxes(
     xy = roots[5 * m + e]
     Q = wp.matrix_from_rows(wp.vector(xx, xy, xz), wp.vector(xy, yy, yz), wp.vector(xz, yz, zz))
     for g in range(n_points):
-        t = tangents(points, n, nodes, k, m, e, slopes, g)
-        A = cofactors(t)
-        H = tangents(displacement, n, nodes, k, m, e, slopes, g)
-        G = H * A * (out.dtype(1.0) / determinant_of(t, A))
+        G, A = gradient(points, displacement, n, nodes, k, m, e, slopes, g)
         S = Q * stress(Q * G * Q, lam[e], mu[e]) * Q
-        F = weights[g] * S * wp.transpose(A)
-        for c in range(3):
-            for d in range(3):
-                out[(9 * g + 3 * c + d) * m + e] = F[c, d]
+        store_flux(weights[g] * S * wp.transpose(A), g, m, e, out)

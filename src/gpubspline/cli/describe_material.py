@@ -154,12 +154,13 @@ def comparison_lines(outcomes: "Sequence[LawOutcome]") -> list[str]:
     ordered = sorted(outcomes, key=_stiffness)
     (paper,) = (each for each in outcomes if each.law.name == DEFAULT_LAW)
     width = max(len(each.law.name) for each in ordered)
-    lines = [f"{'law':{width}}  mean E (MPa)  outside  stiffness (N/mm)  of the default's"]
+    stiff = "stiffness (N/mm)  " if solved else ""
+    lines = [f"{'law':{width}}  mean E (MPa)  outside  {stiff}of the default's"]
     for each in ordered:
         name, mean, ratio = each.law.name, each.mean_modulus_mpa, _stiffness(each) / _stiffness(paper)
-        force = f"{each.stiffness_n_mm:16,.0f}" if solved else " " * 16
+        force = f"{each.stiffness_n_mm:16,.0f}  " if solved else ""
         mark = "  unconfirmed in part" if each.law.all_unconfirmed else ""
-        lines.append(f"{name:{width}}  {mean:12,.0f}  {each.outside:7.1%}  {force}  {ratio:16.2f}{mark}")
+        lines.append(f"{name:{width}}  {mean:12,.0f}  {each.outside:7.1%}  {force}{ratio:16.2f}{mark}")
     return lines
 
 
