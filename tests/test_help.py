@@ -33,3 +33,9 @@ def test_what_is_written_stands_under_output(run: Command, name: str, monkeypatc
     under = dict(zip(parts[1::2], parts[2::2], strict=True))
     assert "--output" in under["Output"] or "--summary" in under["Output"]
     assert re.findall(r"^│ [* ]  ?(--\w+)", under["Options"], re.M) in (["--help"], [])
+
+
+@pytest.mark.parametrize("name", ["mesh", "solve", "optimize", "preview"])
+def test_where_to_is_the_first_option_of_output(run: Command, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    assert re.search(r"─ Output ─.*\n│ \*  --output ", run(name, "--help")[1])

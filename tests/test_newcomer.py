@@ -35,7 +35,7 @@ def test_a_name_that_begins_with_a_hyphen(run: Any, ball: str) -> None:
     ("hu", "options", "words"),
     [
         (np.zeros((6, 6, 6)), (), "expected HU that differ, to find a body in them, got 0 everywhere"),
-        (np.pad(np.ones((2, 1, 1)), 3), ("--threshold", "0.5"), "a body of 2 voxels or more each way, got 1,1,2"),
+        (np.pad(np.full((2, 1, 1), 900), 3), ("--threshold", "0.5"), "a body of 2 voxels or more each way, got 1,1,2"),
         (np.ones((6, 6, 6)), ("--degree", "9"), "expected --degree of 1 to 5, got 9"),
     ],
 )
@@ -104,6 +104,9 @@ def test_a_segmentation_is_told_of_label_by_label(run: Any, ball: str) -> None:
         ["22", "2", "voxels,", "2", "mm3"],
     ]
     assert "labels" not in run("info", ball, *ONE_MM)[1]
+    size = ("--method", "tensor", "--threshold", "5", "--nodes", "3,3,3", "--control", "3,3,2", "-o", "m.vtu")
+    err = run("mesh", "labels.npy", *ONE_MM, *size)[2]
+    assert "nothing but whole numbers from 0 to 22, as a segmentation has: they are taken for HU; give the CT" in err
 
 
 def test_a_ct_is_no_mask(run: Any, ball: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gpubspline.clock import Clock
+from gpubspline.ct.labels import MOST_LABELS, label_counts
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning
@@ -43,6 +44,18 @@ def warn_of_units(volume: Volume) -> None:
     if size.max() < SMALL_MM:
         warnings.warn(
             f"the scan is {' x '.join(f'{mm:.2g}' for mm in size)} mm in all: are its spacing and origin in mm?",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+
+
+def warn_of_labels(volume: Volume) -> None:
+    """Warn where what was given for the CT looks like a segmentation: its numbers would be taken for HU."""
+    counts = label_counts(volume.hu)
+    if counts and max(counts) <= MOST_LABELS:
+        warnings.warn(
+            f"the scan has nothing but whole numbers from 0 to {max(counts)}, as a segmentation has: they are taken for "
+            "HU; give the CT, and this with --mask",
             GpubsplineWarning,
             stacklevel=2,
         )

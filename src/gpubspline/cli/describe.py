@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.cli.describe_material import material_lines
+from gpubspline.ct.labels import label_counts
 from gpubspline.ct.region import otsu_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.mesh.element_size import about_elements, default_size
@@ -41,21 +42,14 @@ def volume_lines(volume: Volume) -> list[str]:
     ]
 
 
-MOST_LABELS = 255
-"""Different whole numbers from 0 on that a segmentation has at most; a CT has more, or values below 0."""
-
-
 def label_lines(volume: Volume, names: Mapping[int, str]) -> list[str]:
     """Voxels and volume of each number of what may be a segmentation, with its name; nothing where it is none."""
-    if volume.hu.dtype.kind != "i" or volume.hu.min() < 0:
+    counts = label_counts(volume.hu)
+    if not counts:
         return []
-    counts = np.bincount(volume.hu.ravel())
-    found = [int(n) for n in np.flatnonzero(counts) if n]
-    if not 0 < len(found) <= MOST_LABELS or counts[0] == 0:
-        return []
-    width = len(f"{counts[found].max():,}")
-    sizes = (f"{n:10} {counts[n]:{width},} voxels, {counts[n] * volume.voxel_mm3:,.0f} mm3" for n in found)
-    lines = [size + (f", {names[n]}" if names.get(n) else "") for n, size in zip(found, sizes, strict=True)]
+    width = len(f"{max(counts.values()):,}")
+    sizes = {n: f"{count:{width},} voxels, {count * volume.voxel_mm3:,.0f} mm3" for n, count in counts.items()}
+    lines = [f"{n:10} {size}" + (f", {names[n]}" if names.get(n) else "") for n, size in sizes.items()]
     return ["labels     where this is a segmentation, for --mask:", *lines]
 
 

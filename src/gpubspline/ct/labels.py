@@ -15,6 +15,10 @@ PLACE_TOLERANCE = 0.1
 """Greatest distance of a mask's corner from the volume's, in the smallest voxel edge: files round their matrices."""
 
 
+MOST_LABELS = 255
+"""Different whole numbers from 0 on that an image of labels has at most; a CT has more, or values below 0."""
+
+
 @dataclass(frozen=True, eq=False)
 class Segment:
     """What is inside.
@@ -96,6 +100,15 @@ class Labels:
         """List the labels in words."""
         words = [f"{number} ({name})" if name else str(number) for number, name in self.names.items()]
         return ", ".join(words[:40]) + (" and more" if len(words) > 40 else "")
+
+
+def label_counts(values: NDArray[Any]) -> dict[int, int]:
+    """Voxels of each number of what looks like an image of labels, 0 left out; empty where it looks like a CT."""
+    if values.dtype.kind != "i" or values.min() < 0:
+        return {}
+    counts = np.bincount(values.ravel())
+    found = {int(n): int(counts[n]) for n in np.flatnonzero(counts) if n}
+    return found if counts[0] and len(found) <= MOST_LABELS else {}
 
 
 def check_frame(frame: str | None, volume: Volume, source: str) -> None:

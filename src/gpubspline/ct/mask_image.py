@@ -15,16 +15,13 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from gpubspline.ct.image import format_name, image_affine, load_array, quiet_itk, read_image
-from gpubspline.ct.labels import PLACE_TOLERANCE, Labels, Segment, lay_on, place
+from gpubspline.ct.labels import MOST_LABELS, PLACE_TOLERANCE, Labels, Segment, lay_on, place
 from gpubspline.ct.nifti import nifti_files, opened
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
 
 _MOST_EXTENSION = 1 << 22
 """Bytes of a NIfTI header extension that are looked at."""
-
-MOST_LABELS = 255
-"""Of a file that has numbers below 0, too: with more, it is a CT that was taken for a mask."""
 
 
 def open_array(path: Path, volume: Volume) -> Labels:

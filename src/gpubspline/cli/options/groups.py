@@ -46,11 +46,11 @@ def flattened(command: Callable[..., None], without: Collection[str] = ()) -> Ca
     return run
 
 
-def _place(parameter: inspect.Parameter) -> int:
-    """Arguments and options without a panel first, then panel by panel; within one as they were declared."""
+def _place(parameter: inspect.Parameter) -> tuple[int, bool]:
+    """Arguments and options without a panel first, then panel by panel; within one ``--output``, then as declared."""
     about = getattr(parameter.annotation, "__metadata__", ())
     panel = next((each.rich_help_panel for each in about if isinstance(each, typer.models.OptionInfo)), None)
-    return PANELS.index(panel) if panel in PANELS else -1
+    return PANELS.index(panel) if panel in PANELS else -1, parameter.name != "output"
 
 
 def option(

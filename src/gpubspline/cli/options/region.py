@@ -25,7 +25,9 @@ class RegionOptions:
     mask: Annotated[
         Path | None, option("Region", "label image on the CT's grid, DICOM SEG or RTSTRUCT", metavar="FILE")
     ] = None
-    label: Annotated[str | None, option("Region", "label in it (default: all but 0)", metavar="NAME|N")] = None
+    label: Annotated[
+        str | None, option("Region", "label in it, as 'info' lists them (default: all but 0)", metavar="NAME|N")
+    ] = None
     labels: Annotated[
         Path | None, option("Region", "segmentation whose labels become element sets", metavar="FILE")
     ] = None
