@@ -54,8 +54,8 @@ def warn_of_labels(volume: Volume) -> None:
     counts = label_counts(volume.hu)
     if counts and max(counts) <= MOST_LABELS:
         warnings.warn(
-            f"the scan has nothing but whole numbers from 0 to {max(counts)}, as a segmentation has: they are taken for "
-            "HU; give the CT, and this with --mask",
+            f"the scan has nothing but whole numbers from 0 to {max(counts)}, as a segmentation has: they are taken "
+            "for HU; give the CT, and this with --mask",
             GpubsplineWarning,
             stacklevel=2,
         )
