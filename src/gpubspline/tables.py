@@ -57,9 +57,9 @@ def checked(table: Any, where: str, required: dict[str, type], optional: dict[st
 
 
 def is_a(value: Any, kind: type) -> bool:
-    """Whether a value of a table is of a kind: float, str, list or dict."""
+    """Whether a value of a table is of a kind: float, a finite number; str, list or dict."""
     if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
+        return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
     return isinstance(value, kind)
 
 

@@ -138,6 +138,9 @@ def test_tissues_by_places_and_numbers(tmp_path: Path) -> None:
         ("[[rods]]\ndensity_g_cm3 = 0.1\nlabel = 1\n[[rods]]\ndensity_g_cm3 = 0.2\nlabel = 2", "a mask for the rods"),
         ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [0, 0]", "three numbers, LPS mm, as centre_mm of rod 1"),
         ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [0, 0, 0]\nradius_mm = 0", "positive radius_mm of rod 1"),
+        ("[[rods]]\ndensity_g_cm3 = 0.1\ncentre_mm = [nan, 0, 0]", "three numbers, LPS mm, as centre_mm of rod 1"),
+        ("[[rods]]\ndensity_g_cm3 = inf\ncentre_mm = [0, 0, 0]", "a number for density_g_cm3 in rod 1 .* got inf"),
+        ("[tissues]\nair = {hu = nan}\nfat = {hu = 1}", "a number for hu in air .* got nan"),
         ("slope_g_cm3_per_hu = -0.001", "rises with HU"),
         ("slope_g_cm3_per_hu = 0.001\npoints = []", "got 2 of them"),
         ("", "expected one of slope_g_cm3_per_hu, points, rods, tissues in the calibration calibration.toml, got 0"),
@@ -153,6 +156,13 @@ def test_bad_files(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as error:
         read_calibration(write(tmp_path, text))
     assert "\n" not in str(error.value)
+
+
+def test_rods_far_from_any_scan(tmp_path: Path) -> None:
+    """Places beyond what whole numbers hold are outside the scan, no warning of NumPy's."""
+    rods = "".join(f"[[rods]]\ndensity_g_cm3 = {n}\ncentre_mm = [1e300, 0, {n}]\n" for n in (1, 2))
+    with pytest.raises(InputError, match="rod 1 of the calibration inside the scan"):
+        read_calibration(write(tmp_path, rods)).carry_out(scan()[0])
 
 
 def test_bad_kind(tmp_path: Path) -> None:

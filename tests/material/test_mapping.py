@@ -9,6 +9,7 @@ import pytest
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.material.assign import Mapping, assign
 from gpubspline.material.laws import DensityRelation, Law, Piece
 from gpubspline.material.mapping import Material, apply_material, map_material
 from gpubspline.material.registry import law, laws
@@ -202,3 +203,13 @@ def test_element_material_of_a_structured_mesh(
 def test_mesh_without_hu(device: Device) -> None:
     with pytest.raises(InputError, match="nodal field HU, got the fields none"):
         apply_material(replace(QUADS, fields={}), device=device)
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, -np.inf])
+def test_a_mesh_with_hu_that_are_no_numbers_is_refused(wild: float, device: Device) -> None:
+    """Its nodes were bone of the law's lowest modulus, or of infinite density where the policy was floor."""
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])
+    mesh = Mesh(points, "quad4", structure=(2, 2), fields={"HU": np.array([500.0, wild, 700.0, wild])})
+    for how in ("nodal", "element-e", "nodal-hu"):
+        with pytest.raises(InputError, match="expected finite HU, got NaN or infinity at 2 of 4 nodes"):
+            assign(mesh, PAPER, Mapping(how), device=device)

@@ -121,7 +121,7 @@ def test_own_law_from_a_file(tmp_path: Path) -> None:
         (("= 0.3", "= 0.5"), "Poisson's ratio from 0 up to and without 0.5, got 0.5"),
         (("= 10000", "= -1"), "factor of 0 or more"),
         (("exponent = 2", "exponent = 0"), "exponent above 0"),
-        (("exponent = 2", "exponent = inf"), "exponent above 0"),
+        (("exponent = 2", "exponent = inf"), "a number for exponent in piece 1, got inf"),
         (("exponent = 2", "exponent = true"), "expected a number for exponent in piece 1, got True"),
         (("exponent = 2", ""), "'exponent' missing"),
         (("exponent = 2", "exponent = 2\nyield = 3"), "'yield' which is unknown"),
@@ -156,6 +156,13 @@ def test_bad_points(points: str) -> None:
     text = MINE.replace("slope_g_cm3_per_hu = 0.001\nintercept_g_cm3 = -0.05", f"points = {points}")
     with pytest.raises(InputError, match=r"points|two numbers|rises with HU"):
         read_laws(text, "text")
+
+
+@pytest.mark.parametrize(("rate", "exponent"), [("-1.0", "0.06"), ("0", "-0.06"), ("0.01", "1e9"), ("0.01", "-1e9")])
+def test_strain_rates_without_a_power(rate: str, exponent: str) -> None:
+    text = MINE.replace('title = "Mine"', f'title = "Mine"\nstrain_rate_per_s = {rate}')
+    with pytest.raises(InputError, match=r"positive strain_rate_per_s and its power in piece 1, got .*\^"):
+        read_laws(f"{text}rate_exponent = {exponent}\n", "text")
 
 
 def test_overlapping_pieces() -> None:

@@ -50,6 +50,15 @@ def density_lines(law: Law) -> list[str]:
     return [f"    rho {relation.kind} = {_line(relation.slope_g_cm3_per_hu, 'HU', relation.intercept_g_cm3)}{by}"]
 
 
+def constant_lines() -> list[str]:
+    """What may stand in the place of a law, and how labels get laws of their own."""
+    return [
+        "constant:E=MPA,nu=RATIO[,rho=G_CM3]: one modulus, whatever the HU",
+        "    without rho of the density that the law of the rest, or the default one, gives the HU",
+        "of a label of --labels alone: --law LABEL=LAW, once for each, beside --law LAW of the rest",
+    ]
+
+
 def step_lines() -> list[str]:
     """The steps that densities are made of, with their sources."""
     lines = ["density steps"]

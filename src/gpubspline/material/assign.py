@@ -18,7 +18,7 @@ from gpubspline.material.by_label import Share, joined, numbered, shares, told
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law
-from gpubspline.material.mapping import Material, apply_material, check_policy, law_on_device
+from gpubspline.material.mapping import Material, apply_material, check_hu, check_policy, law_on_device
 from gpubspline.material.mass_parts import MassParts, ct_masses
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.projection import Projected, project
@@ -194,8 +194,8 @@ def _reading(
     mesh: Mesh, mapping: Mapping, volume: Volume | None, region: Region | None, device: Device
 ) -> dict[str, Any]:
     """Keywords of ``integrate`` and ``project``: how HU are read at quadrature points, and at how many."""
-    if "HU" not in mesh.fields and volume is None:
-        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    if volume is None:
+        check_hu(mesh)
     deep, fold = None, None
     if mapping.surface_depth_mm is not None and region is not None:
         deep = inset(region, mapping.surface_depth_mm, mesh.points, device)

@@ -170,8 +170,8 @@ def _ball(volume: Volume, centre_mm: tuple[float, ...], radius_mm: float, name: 
     """HU of the voxels whose centres lie in a ball."""
     centre = volume.to_indices(centre_mm)
     reach = radius_mm * np.linalg.norm(volume.inverse[:3, :3], axis=1)
-    low = np.maximum(np.floor(centre - reach).astype(int), 0)
-    high = np.minimum(np.ceil(centre + reach).astype(int) + 1, volume.shape)
+    low = np.clip(np.floor(centre - reach), 0, volume.shape).astype(int)  # before it is made whole: it may be anywhere
+    high = np.clip(np.ceil(centre + reach) + 1, 0, volume.shape).astype(int)
     if np.any(high <= low):
         raise InputError(f"expected {name} of the calibration inside the scan, got ({_shown(centre_mm)}) mm")
     i, j, k = np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij")

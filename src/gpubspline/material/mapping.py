@@ -128,6 +128,15 @@ def check_policy(
         raise InputError(f"expected a positive floor modulus and a Poisson's ratio below 0.5, got {floor}")
 
 
+def check_hu(mesh: Mesh) -> None:
+    """Raise InputError where a mesh has no HU, or some that are no numbers: these would get the lowest modulus."""
+    if "HU" not in mesh.fields:
+        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    wild = mesh.n_nodes - int(np.count_nonzero(np.isfinite(mesh.fields["HU"])))
+    if wild:
+        raise InputError(f"expected finite HU, got NaN or infinity at {wild} of {mesh.n_nodes} nodes")
+
+
 def _refuse(hu: NDArray[Any], material: Material) -> None:
     outside = hu[material.piece < 0]
     ranges = ", ".join(f"{piece.lower_hu:g} to {piece.upper_hu:g}" for piece in material.law.pieces)
@@ -162,10 +171,9 @@ def apply_material(
 
     Raises
     ------
-    InputError where the mesh has no HU, and as ``map_material``.
+    InputError where the mesh has no HU, or some that are not finite, and as ``map_material``.
     """
-    if "HU" not in mesh.fields:
-        raise InputError(f"expected a mesh with the nodal field HU, got the fields {', '.join(mesh.fields) or 'none'}")
+    check_hu(mesh)
     law, device = law or find_law(), device or open_device()
     floor = {"floor_modulus_mpa": floor_modulus_mpa, "floor_poisson": floor_poisson}
     nodal = map_material(mesh.fields["HU"], law, policy=policy, device=device, **floor)

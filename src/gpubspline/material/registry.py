@@ -187,6 +187,18 @@ def _chain(names: list[Any], kind: str, **others: Any) -> DensityRelation:
     return found
 
 
+def _at_rate(rate_per_s: float, exponent: float, number: int) -> float:
+    """Factor of a strain rate; raises InputError where it is no positive number."""
+    try:
+        factor = rate_per_s**exponent if rate_per_s > 0 else 0.0
+    except OverflowError:
+        factor = 0.0
+    if not factor > 0:
+        got = f"{rate_per_s:g}^{exponent:g}"
+        raise InputError(f"expected a positive strain_rate_per_s and its power in piece {number}, got {got}")
+    return factor
+
+
 def _piece(table: Any, number: int, density: DensityRelation, rate: float | None) -> Piece:
     fields = checked(
         table,
@@ -204,5 +216,5 @@ def _piece(table: Any, number: int, density: DensityRelation, rate: float | None
     if "rate_exponent" in fields:
         if rate is None:
             raise InputError(f"expected a strain_rate_per_s for the rate_exponent of piece {number}, got none")
-        fields["factor_mpa"] *= rate ** fields.pop("rate_exponent")
+        fields["factor_mpa"] *= _at_rate(rate, fields.pop("rate_exponent"), number)
     return Piece(lower, upper, **fields)

@@ -28,13 +28,14 @@ def laws(
     stiffness: Annotated[bool, typer.Option(help="solve for the model's stiffness under each law")] = True,
 ) -> None:
     """List the material laws, or compare them on a model."""
-    from gpubspline.cli.describe_material import law_lines, step_lines
+    from gpubspline.cli.describe_material import constant_lines, law_lines, step_lines
     from gpubspline.material.registry import laws as registered
 
     if compare is None:
         if output or summary:
             raise InputError("expected --compare MODEL for the files of a comparison, got none")
-        run.say([line for law in registered().values() for line in law_lines(law)] + step_lines())
+        listed = [line for law in registered().values() for line in law_lines(law)]
+        run.say([*listed, *constant_lines(), *step_lines()])
         return
     _compare(run, compare, output, summary, stiffness)
 
