@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from gpubspline.kernels.lanes import LaneArray
+from gpubspline.kernels.lanes import LaneArray, fetch
 
 CHUNK = wp.constant(512)  # numbers of a plane that stay in the first cache while some spans are made of them
 
@@ -130,8 +130,12 @@ def interleave(
     scratch: wp.array(dtype=Any),
     vectors: LaneArray,
     packed: wp.int64,
+    soon: wp.int64,
 ):
-    """Bring as many rows of a plane as there are lanes to ``packed`` (n_u, lanes); beyond the last row, it again."""
+    """Bring as many rows of a plane as there are lanes to ``packed`` (n_u, lanes); beyond the last row, it again.
+
+    The rows from ``soon`` on are what the next call wants.
+    """
     tile = wp.outer(control[0], control[0])
     if n_u < lanes:
         for m in range(lanes):
@@ -142,6 +146,8 @@ def interleave(
         for t in range((n_u + lanes - 1) // lanes):
             i = wp.min(t * lanes, n_u - lanes)
             for m in range(lanes):
+                for line in range(0, lanes, 16):
+                    fetch(control, wp.int32(soon) + m * n_u + i + line)
                 tile[m] = control[plane + wp.int64(wp.min(row + m, n_v - 1) * n_u + i)]
             turned = wp.transpose(tile)
             for m in range(lanes):
@@ -253,7 +259,10 @@ def contract_solid(
                     row = 0
                 row = wp.max(row, span_v[j] - degree_v)
                 while row <= span_v[j]:
-                    interleave(control, source, row, n_u, n_v, lanes, scratch, vectors, packed)
+                    soon = source + wp.int64(row + lanes) * wp.int64(n_u)
+                    if row + lanes > span_v[end_j - 1]:  # the first of the next plane
+                        soon = source + wp.int64(n_v + span_v[first_j] - degree_v) * wp.int64(n_u)
+                    interleave(control, source, row, n_u, n_v, lanes, scratch, vectors, packed, soon)
                     contract_lines(
                         span_u, values_u, degree_u, out_u, row, lanes, vectors, packed, rows, n_rows, row_size
                     )
