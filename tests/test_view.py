@@ -47,7 +47,9 @@ def test_without_a_screen_a_picture_is_written(
 
 def test_field_cut_and_edges_change_the_picture(run: Command, cube: Path, tmp_path: Path) -> None:
     made = []
-    for number, words in enumerate([[], ["--field", "E"], ["--clip", "x"], ["--clip", "z", "--field", "e-mpa"]]):
+    for number, words in enumerate(
+        [[], ["--field", "E"], ["--clip", "x"], ["--clip", "z", "--field", "e-mpa"], ["--from", "pi"]]
+    ):
         path = tmp_path / f"{number}.png"
         status, out, _ = run("view", cube, *words, "-o", path)
         assert status == 0 and ("E_MPa" in out) == ("--field" in words)
@@ -70,6 +72,8 @@ def test_edges_too_small_to_be_seen_are_drawn_where_asked_for(run: Command, tmp_
     [
         (["--field", "stress"], "expected a field of the mesh (HU, E_MPa), got 'stress'"),
         (["--clip", "w"], "across x, y or z, got 'w'"),
+        (["--from", "X"], "letters of L, R, A, P, S, I to see a body from, such as A or ALS, got 'X'"),
+        (["--from", "LR"], "got 'LR'"),
         (["-o", "none/a.png"], "does not exist"),
         (["-o", "a.pdf"], "ends in .png"),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpubspline.report.camera import OBLIQUE, Camera, facing_a_plane
+from gpubspline.report.camera import OBLIQUE, Camera, facing_a_plane, seen_from
 
 LEFT, POSTERIOR, SUPERIOR = np.eye(3)
 
@@ -38,3 +38,10 @@ def test_slices_are_seen_as_radiology_sees_them(
     for sign in (1, -1):
         camera = Camera.looking(facing_a_plane(sign * normal))
         np.testing.assert_allclose([camera.toward, camera.right, camera.up], [seen_from, right, up], atol=1e-15)
+
+
+def test_sides_are_the_patients() -> None:
+    """In LPS: x to the left, y to the back, z to the head."""
+    for side, place in (("L", LEFT), ("P", POSTERIOR), ("S", SUPERIOR), ("aI", -POSTERIOR - SUPERIOR)):
+        np.testing.assert_array_equal(seen_from(side), place)
+    np.testing.assert_allclose(Camera.looking(seen_from("I")).right, LEFT, atol=1e-15)

@@ -5,12 +5,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpubspline.errors import InputError
+
 Floats = NDArray[np.float64]
 
 OBLIQUE = (0.54, -0.76, 0.36)
 """From the patient's front, left and above: the face, a flank and the top of a body are all seen."""
 
 SUPERIOR, ANTERIOR = (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)
+
+
+SIDES = {"L": (1, 0, 0), "R": (-1, 0, 0), "A": (0, -1, 0), "P": (0, 1, 0), "S": (0, 0, 1), "I": (0, 0, -1)}
+"""From the body to a viewer at the patient's left, right, front, back, above, below, in LPS."""
+
+
+def seen_from(sides: str) -> tuple[float, float, float]:
+    """Direction from the body to a viewer at some of ``SIDES``, such as ``"A"``, or ``"als"`` for between them.
+
+    Raises
+    ------
+    InputError for other letters, or where they cancel.
+    """
+    known = [SIDES[letter] for letter in sides.upper() if letter in SIDES]
+    x, y, z = (float(sum(each[axis] for each in known)) for axis in range(3))
+    if len(known) != len(sides) or x == y == z == 0:
+        raise InputError(f"expected letters of {', '.join(SIDES)} to see a body from, such as A or ALS, got {sides!r}")
+    return x, y, z
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,10 @@ def view(
     clip: Annotated[
         str | None, option("Picture", "cut across an axis (default: along the greatest section)", metavar="x|y|z")
     ] = None,
+    sides: Annotated[
+        str | None,
+        option("Picture", "where a picture is seen from, such as I or PRS (default: ALS)", "--from", metavar="LRAPSI"),
+    ] = None,
     edges: Annotated[bool, option("Picture", "draw the elements' edges, however small", "--edges")] = False,
     output: Annotated[
         Path | None,
@@ -37,13 +41,16 @@ def view(
     """Look at a mesh: a window where there is a screen, a PNG where not."""
     from gpubspline.export import read_mesh
     from gpubspline.mesh.quality import assess
+    from gpubspline.report.camera import seen_from
     from gpubspline.report.picture import check_clip, write_picture
     from gpubspline.report.quantity import find_field
     from gpubspline.report.sheet import check_png
     from gpubspline.report.window import has_screen, open_window
 
     path = output or Path(mesh.name).with_suffix(".png")
-    if output is not None or not has_screen():
+    seen = None if sides is None else seen_from(sides)
+    drawn = output is not None or seen is not None or not has_screen()
+    if drawn:
         check_png(path)
         check_writable(path)
         check_apart([path], [mesh])
@@ -53,7 +60,7 @@ def view(
             found, _ = assess(found)
     name = find_field([*found.fields, *found.cell_fields], field)
     check_clip(found, clip)
-    if output is None and has_screen():
+    if not drawn:
         try:
             open_window(found, name, clip=clip, edges=edges).show()
             return
@@ -61,5 +68,5 @@ def view(
             typer.echo(f"gpubspline: warning: no window: {error}", err=True)
             check_writable(path)
     with RunOptions().clock() as clock, clock.stage("picture"):
-        write_picture(found, path, field=name, clip=clip, edges=True if edges else None)
+        write_picture(found, path, field=name, view=seen, clip=clip, edges=True if edges else None)
     typer.echo(f"wrote {path}, coloured by {name}")
