@@ -336,6 +336,15 @@ def test_the_number_of_blocks_is_foretold(device):
         foretell(body.region, 0.2, clock)
 
 
+@pytest.mark.parametrize("element", ["hex20", "hex27"])
+def test_curved_blocks_have_the_node_sets_of_straight_ones(element):
+    body = body_of(lambda x, y, z: np.hypot(np.hypot(x, y) - 12, z) - 5, spacing=2.0)
+    sampling = Sampling(law(), element_type=element)
+    mesh = mesh_body(body, Choice("blocks", ""), Meshing("blocks", 4.0), sampling, open_device("opencl"), Clock()).mesh
+    surface = mesh.node_sets["surface"]
+    assert np.array_equal(surface, np.unique(mesh.boundary())) and len(surface) > 400
+
+
 def test_other_topology_is_warned_of():
     whole = BlocksReport(2.0, 0.7, {"mesh": 1, "region": 1}, (), 0, {"count": 0, "max_mm": 0.0}, (), ())
     warn_of_topology(whole, None)

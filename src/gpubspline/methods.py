@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,7 @@ from gpubspline.mesh.blocks.lay import MOST_LOST
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.refine import refine
-from gpubspline.mesh.blocks.result import Blocks
+from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING
 from gpubspline.mesh.butterfly.patches import Butterfly, butterfly
 from gpubspline.mesh.butterfly.sample import nodes_for, sample_butterfly
@@ -234,6 +234,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
     refuse_remnant(made, body.region)
     made = refine(made, meshing.refine, device=device)
     mesh, figures = (made.mesh, {}) if element == "hex8" else _curved(made, element, device)
+    report = replace(made.report, bodies=measured(made.report.bodies, mesh))
     if parts:
         label = np.zeros(mesh.n_elements, dtype=np.int32)
         for name, number in numbers.items():
@@ -244,9 +245,9 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         hu = surface_hu(body.volume, body.region, points, partial_volume=body.partial_volume, device=device)
         mesh = mesh.with_fields({"HU": hu.astype(mesh.points.dtype)})
     keeps = None if made.report.is_whole or parts else size_that_keeps_topology(body.region, size, device=device)
-    warn_of_topology(made.report, keeps)
-    warn_of_bodies(made.report.bodies, parts, size)
-    return Meshed(mesh, made.report.to_dict() | figures, MOST_LOST * size)
+    warn_of_topology(report, keeps)
+    warn_of_bodies(report.bodies, parts, size)
+    return Meshed(mesh, report.to_dict() | figures, MOST_LOST * size)
 
 
 def refuse_remnant(made: Blocks, region: Region) -> None:
@@ -271,7 +272,8 @@ def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str,
             GpubsplineWarning,
             stacklevel=2,
         )
-    return curved.sample(1, element), {"held_back_nodes": held}
+    mesh = curved.sample(1, element)
+    return replace(mesh, node_sets=sets_carried_to(mesh, made.mesh)), {"held_back_nodes": held}
 
 
 def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, int]]:

@@ -68,7 +68,11 @@ def test_parts_stay_parts(device: Device) -> None:
         "high": Region(whole.mask & (k >= 40), high, whole.affine),
     }
     coarse = blocks_mesh(whole, 3.0, parts=parts, device=device)
-    fine = refine(coarse, 2, device=device).mesh
+    finer = refine(coarse, 2, device=device)
+    fine = finer.mesh
+    assert [body.elements for body in finer.report.bodies] == [8 * body.elements for body in coarse.report.bodies]
+    assert sum(body.volume_mm3["mesh"] for body in finer.report.bodies) == pytest.approx(fine.volume_mm3, rel=1e-5)
+    assert finer.report.bodies[0].volume_mm3["region"] == coarse.report.bodies[0].volume_mm3["region"]
     assert {name: 8 * len(members) for name, members in coarse.mesh.element_sets.items()} == {
         name: len(members) for name, members in fine.element_sets.items()
     }

@@ -1,7 +1,6 @@
 """Meshes of blocks made finer: each hex a Bezier solid that is sampled, what comes out poor mended on the surface."""
 
 from dataclasses import replace
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.curved import curve, onto, unbiased
 from gpubspline.mesh.blocks.grow import ON_SURFACE, distance_from, off_surface
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field
-from gpubspline.mesh.blocks.result import Blocks
+from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import Effort, Placed, improve, placed
 from gpubspline.mesh.mesh import Mesh
@@ -48,7 +47,7 @@ def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
         return made
     surface = made.surface()
     mesh = curve(made, device=device).sample(times, project=onto(surface, device))
-    sets = _node_sets(mesh, made.mesh)
+    sets = sets_carried_to(mesh, made.mesh)
     points, phi = surface.in_lattice(mesh.points), unbiased(surface.phi)
     off = distance_from(phi, points)
     phi = _moved_out(phi, points, mesh.boundary(), off)
@@ -57,14 +56,15 @@ def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
     hexes = _held(mesh, times * points, times * phi, slack, times, device)
     best = even_out(hexes, _mended(hexes, slack, times * points, made.report.min_scaled_jacobian - GIVEN))
     points = np.array(device.get(best.x)).reshape(3, -1).T / times
+    mesh = replace(mesh, points=surface.in_mm(points).astype(made.mesh.points.dtype), node_sets=sets)
     report = replace(
         made.report,
         size_mm=made.report.size_mm / times,
         min_scaled_jacobian=best.least,
         off_surface_nodes=off_surface(points[sets["surface"]], phi, surface),
+        bodies=measured(made.report.bodies, mesh),
     )
-    placed = surface.in_mm(points).astype(made.mesh.points.dtype)
-    return replace(made, mesh=replace(mesh, points=placed, node_sets=sets), report=report)
+    return replace(made, mesh=mesh, report=report)
 
 
 def _moved_out(phi: Field, points: Floats, faces: NDArray[np.int32], off: Floats) -> Field:
@@ -93,16 +93,6 @@ def _mended(hexes: Movable, slack: Floats, points: Floats, floor: float) -> Plac
     best = improve(near.hexes, near.colours, device.put(points[near.nodes].T), near.slack, Effort(goal=floor))
     points[near.nodes] = np.array(device.get(best.x)).reshape(3, -1).T
     return placed(hexes, device.put(points.T), slack)
-
-
-def _node_sets(fine: Mesh, coarse: Mesh) -> dict[str, NDArray[np.int32]]:
-    """Nodes of the surface, and between bodies where the coarse mesh names them."""
-    sets = {"surface": np.unique(fine.boundary()).astype(np.int32)}
-    nodes = {name: np.unique(fine.cells[members]) for name, members in fine.element_sets.items()}
-    for a, b in permutations(nodes, 2):
-        if f"{a}_to_{b}" in coarse.node_sets:
-            sets[f"{a}_to_{b}"] = np.intersect1d(nodes[a], nodes[b]).astype(np.int32)
-    return sets
 
 
 def _slack(sets: dict[str, NDArray[np.int32]], off: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """A mesh of blocks and what is known of it."""
 
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,26 @@ class BodyReport:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
         return {"name": self.name, "elements": self.elements, "volume_mm3": dict(self.volume_mm3)}
+
+
+def measured(bodies: tuple[BodyReport, ...], mesh: Mesh) -> tuple[BodyReport, ...]:
+    """Elements and volumes that the bodies have in a mesh made of theirs, finer or curved: its element sets."""
+    found = []
+    for body in bodies:
+        cells = mesh.cells[mesh.element_sets[body.name]]
+        volume = Mesh(mesh.points, mesh.element_type, connectivity=cells).volume_mm3 if len(cells) else 0.0
+        found.append(BodyReport(body.name, len(cells), {**body.volume_mm3, "mesh": volume}))
+    return tuple(found)
+
+
+def sets_carried_to(fine: Mesh, coarse: Mesh) -> dict[str, NDArray[np.int32]]:
+    """Node sets of a mesh made of another, finer or curved: its surface, and between bodies as the other names them."""
+    sets = {"surface": np.unique(fine.boundary()).astype(np.int32)}
+    nodes = {name: np.unique(fine.cells[members]) for name, members in fine.element_sets.items()}
+    for a, b in permutations(nodes, 2):
+        if f"{a}_to_{b}" in coarse.node_sets:
+            sets[f"{a}_to_{b}"] = np.intersect1d(nodes[a], nodes[b]).astype(np.int32)
+    return sets
 
 
 @dataclass(frozen=True)

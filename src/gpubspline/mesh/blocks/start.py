@@ -57,6 +57,6 @@ def averaging(cells: NDArray[np.int32], edges: tuple[tuple[int, int], ...], n: i
     ends = np.concatenate([cells[:, edge] for edge in edges])
     rows, columns = (np.concatenate([ends, ends[:, ::-1]]) if both_ways else ends).T
     matrix = csr_matrix((np.ones(len(rows), dtype=np.float32), (rows, columns)), shape=(n, n))
-    counts = np.maximum(np.diff(matrix.indptr), 1)
-    matrix.data = np.repeat((1 / counts).astype(np.float32), counts * (np.diff(matrix.indptr) > 0))
+    neighbours = np.diff(matrix.indptr)
+    matrix.data = np.repeat((1 / np.maximum(neighbours, 1)).astype(np.float32), neighbours)
     return matrix
