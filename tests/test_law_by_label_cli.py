@@ -146,3 +146,12 @@ def test_a_cohort_has_several_laws_in_a_cell(bar: dict[str, Path], tmp_path: Pat
     (tmp_path / "cohort.csv").write_text(f"subject,input,mask,labels,law\n{row.replace('own', 'none')}\n")
     with pytest.raises(InputError, match=r"existing file for bar, line 2 of cohort.csv, got .*none\.toml"):
         read_manifest(tmp_path / "cohort.csv", subject.columns())
+
+
+def test_a_deck_by_element_is_not_called_one_by_node(run: Command, bar: dict[str, Path], tmp_path: Path) -> None:
+    load = tmp_path / "pull.toml"
+    load.write_text(PULL)
+    for mapping in ("element", "node"):
+        how = ["--mapping", "element-e" if mapping == "element" else "nodal-e"]
+        status, out, _ = run("mesh", *words(bar)[:3], *SMALL, *how, "--load", load, "-o", tmp_path / "m.feb")
+        assert status == 0 and f"modulus by {mapping}\n" in out

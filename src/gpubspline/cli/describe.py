@@ -201,7 +201,7 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
             f"{modulus['density_error']:.0%}"
         )
     elif modulus:
-        lines.append(f"{_UNDER}modulus by node")
+        lines.append(f"{_UNDER}modulus by {modulus['means'].removeprefix('field by ')}")
     if load:
         total = _vector(load["total_n"])
         lines.append(f"load       {load['title']}: {total} N in all, {load['held_nodes']:,} nodes held")
