@@ -135,5 +135,5 @@ def _where(parts: dict[str, float]) -> str:
     filled, left = parts["filled_mm3"], parts["left_mm3"]
     return (
         f"it fills {filled:,.0f} mm3 ({parts['filled_g']:.3g} g) outside the region, such as cracks and pores, and "
-        f"leaves out {left:,.0f} mm3 of it; smaller elements follow it closer"
+        f"leaves out {left:,.0f} mm3 of it; smaller elements, or more control points, follow it closer"
     )
