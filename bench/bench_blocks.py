@@ -1,7 +1,7 @@
 """What each step of the blocks method buys: ``python -m gpubspline.bench.bench_blocks [FILE]``.
 
-Prints a table, and writes it to the file that is given. Bodies are analytic: a phantom's femur and a branching
-one whose arms are about three elements thick.
+Prints two tables, and writes them to the file that is given. Bodies are analytic: a phantom's femur, a branching one
+whose arms are about three elements thick, a sponge; and for the steps that keep thin features one that has such.
 """
 
 import sys
@@ -22,6 +22,7 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import grow, mesher, place
+from gpubspline.mesh.blocks import lay as laying
 from gpubspline.mesh.blocks import level_set as levels
 from gpubspline.mesh.blocks.core import cell_means, core_cells
 from gpubspline.mesh.blocks.level_set import SAMPLES, bulged, level_set
@@ -62,6 +63,14 @@ REPLACED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
 """Steps that are left out by another function in their place."""
 
 ALL_PLACES = "all steps, other places tried"
+
+OF_THIN: dict[str, tuple[Any, str, Callable[..., Any]]] = {
+    "all steps": (laying, "thickened", laying.thickened),
+    "no cells taken in for thin features": (laying, "thickened", lambda laid: laid),
+    "topology not mended": (laying, "mended", lambda laid: laid),
+    "no nodes drawn out to tips": (grow, "draw_out", lambda hexes, best, level: best),
+}
+"""Steps that keep thin features, which ``mesh_level_set`` does without, left out in the same way."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +126,21 @@ def sponge(spacing: float = 1.0) -> Region:
     return Region(inside, (distance - 0.5 * spacing * np.sign(distance)).astype(np.float32), affine)
 
 
+def thin_features() -> Region:
+    """A ball with a plate and a ring little thicker than an element of 2 mm, and a spike, by their distance."""
+    lines = [np.arange(-26.0, 27.0), np.arange(-16.0, 17.0), np.arange(-16.0, 27.0)]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
+    x, y, z = np.moveaxis(points, -1, 0)
+    ball = np.linalg.norm(points, axis=-1) - 9
+    plate = np.maximum.reduce([np.abs(x - 12) - 10, np.abs(y - 0.3) - 1.3, np.abs(z) - 8])
+    ring = np.hypot(np.hypot(x + 16, z) - 6.5, y) - 1.6
+    spike = _capsule(points, np.array([0.0, 2.0, 12.0]), 1.2)
+    distance = np.ascontiguousarray(np.minimum.reduce([ball, plate, ring, spike]), dtype=np.float32)
+    affine = np.eye(4)
+    affine[:3, 3] = [line[0] for line in lines]
+    return Region(distance < 0, distance, affine)
+
+
 def _capsule(points: Floats, end: Floats, radius: float) -> Floats:
     along = np.clip(points @ end / (end @ end), 0, 1)[..., None]
     return np.asarray(np.linalg.norm(points - along * end, axis=-1) - radius)
@@ -144,6 +168,22 @@ def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iter
     start = time.perf_counter()
     elements, least = without_pillow(region, size_mm, device)
     yield Outcome(body, NO_PILLOW, elements, least, np.nan, np.nan, time.perf_counter() - start)
+
+
+def thin_ablations(region: Region, size_mm: float, device: Device) -> Iterator[str]:
+    """Lines of a table in Markdown: a region in the lattice's first place with every step that keeps thin features.
+
+    Then without each in turn.
+    """
+    yield "| way | hexes | worst scaled Jacobian | volume | places of another topology | stands out, elements |"
+    yield "|---|---|---|---|---|---|"
+    for way, (home, name, instead) in OF_THIN.items():
+        with patch.object(home, name, instead):
+            laid = laying.lay(region, size_mm, {}, None, device, 0)
+            made = grow.grow(laid.level, laid.core, device)
+        volume = made.finished().mesh.volume_mm3 / region.volume_mm3 - 1
+        found = (f"{made.placed.nodes.least:.3f}", f"{volume:+.1%}", str(len(made.core.differences)))
+        yield f"| {way} | {laid.elements:,} | {' | '.join(found)} | {made.farthest:.1f} |"
 
 
 def _unmoved(hexes: Pillowed, movable: Movable) -> Buffer:
@@ -205,6 +245,8 @@ def main() -> None:
     blocks_mesh(three_arms(), 6.0, device=device)  # compiles the kernels
     lines = ["## What each step buys", ""]
     lines += table([o for body, (region, size) in bodies().items() for o in ablations(region, body, size, device)])
+    lines += ["", "## What keeps thin features: plate, ring and spike, 2 mm", ""]
+    lines += thin_ablations(thin_features(), 2.0, device)
     print("\n".join(lines))
     if len(sys.argv) > 1:
         Path(sys.argv[1]).write_text("\n".join(lines) + "\n", encoding="utf-8")

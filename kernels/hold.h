@@ -124,12 +124,17 @@ inline point piece_corner(__global const real *pieces, int n_pieces, int t, int 
     return p;
 }
 
+// What a part is of a whole that is not negative: 0 to 1, whatever rounding makes of the whole where it is next to nothing.
+inline real share_of(real part, real whole)
+{
+    return whole > 0 ? clamp(part / whole, (real)0, (real)1) : 0;
+}
+
 // Point of the segment from a to b that is nearest to p.
 inline point on_segment(point p, point a, point b)
 {
     point e = minus(b, a);
-    real length = inner(e, e);
-    return along(a, length > 0 ? clamp(inner(minus(p, a), e) / length, (real)0, (real)1) : 0, e);
+    return along(a, share_of(inner(minus(p, a), e), inner(e, e)), e);
 }
 
 inline real apart(point a, point b)
@@ -166,11 +171,11 @@ inline point lifted(point q, __global const real *pieces, int n_pieces, int t, i
     point c = piece_corner(pieces, n_pieces, t, 2), ab = minus(b, a), ac = minus(c, a), aq = minus(q, a);
     real aa = inner(ab, ab), bb = inner(ac, ac), cross = inner(ab, ac), share_b, share_c = 0;
     if (is_curve) {
-        share_b = aa > 0 ? inner(aq, ab) / aa : 0;
+        share_b = share_of(inner(aq, ab), aa);
     } else {
         real all = aa * bb - cross * cross;
-        share_b = all > 0 ? (bb * inner(ab, aq) - cross * inner(ac, aq)) / all : 0;
-        share_c = all > 0 ? (aa * inner(ac, aq) - cross * inner(ab, aq)) / all : 0;
+        share_b = share_of(bb * inner(ab, aq) - cross * inner(ac, aq), all);
+        share_c = fmin(share_of(aa * inner(ac, aq) - cross * inner(ab, aq), all), 1 - share_b);
     }
     real share_a = 1 - share_b - share_c;
     point na = piece_corner(pieces, n_pieces, t, 3), nb = piece_corner(pieces, n_pieces, t, 4);

@@ -135,13 +135,20 @@ def piece_corner(pieces: wp.array(dtype=Any), n_pieces: wp.int32, t: wp.int32, c
 
 
 @wp.func
+def share_of(part: Any, whole: Any):
+    """What a part is of a whole that is not negative.
+
+    0 to 1, whatever rounding makes of the whole where it is next to nothing.
+    """
+    none = type(whole)(0.0)
+    return wp.where(whole > none, wp.clamp(part / whole, none, type(whole)(1.0)), none)
+
+
+@wp.func
 def on_segment(p: Any, a: Any, b: Any):
     """Point of the segment from a to b that is nearest to p."""
-    none = type(p[0])(0.0)
     e = b - a
-    length = wp.dot(e, e)
-    share = wp.where(length > none, wp.clamp(wp.dot(p - a, e) / length, none, type(p[0])(1.0)), none)
-    return a + share * e
+    return a + share_of(wp.dot(p - a, e), wp.dot(e, e)) * e
 
 
 @wp.func
@@ -183,6 +190,7 @@ def lifted(q: Any, pieces: wp.array(dtype=Any), n_pieces: wp.int32, t: wp.int32,
     there. Source: Boubekeur and Alexa 2008 (Phong tessellation); their factor is 3/4, a half is exact for quadrics.
     """
     none = type(q[0])(0.0)
+    one = type(q[0])(1.0)
     half = type(q[0])(0.5)
     a = piece_corner(pieces, n_pieces, t, 0)
     b = piece_corner(pieces, n_pieces, t, 1)
@@ -197,12 +205,11 @@ def lifted(q: Any, pieces: wp.array(dtype=Any), n_pieces: wp.int32, t: wp.int32,
     share_c = none
     if is_curve == 0:
         all = aa * bb - cross * cross
-        if all > none:
-            share_b = (bb * wp.dot(ab, aq) - cross * wp.dot(ac, aq)) / all
-            share_c = (aa * wp.dot(ac, aq) - cross * wp.dot(ab, aq)) / all
-    elif aa > none:
-        share_b = wp.dot(aq, ab) / aa
-    share_a = type(q[0])(1.0) - share_b - share_c
+        share_b = share_of(bb * wp.dot(ab, aq) - cross * wp.dot(ac, aq), all)
+        share_c = wp.min(share_of(aa * wp.dot(ac, aq) - cross * wp.dot(ab, aq), all), one - share_b)
+    else:
+        share_b = share_of(wp.dot(aq, ab), aa)
+    share_a = one - share_b - share_c
     na = piece_corner(pieces, n_pieces, t, 3)
     nb = piece_corner(pieces, n_pieces, t, 4)
     nc = piece_corner(pieces, n_pieces, t, 5)

@@ -183,3 +183,24 @@ def test_pieces_are_no_more_than_a_plane_of_the_coordinates_can_number(device):
     many = np.broadcast_to(np.zeros(1, np.float32), (2**24 + 1, 3, 3))
     with pytest.raises(InputError, match="at most 16,777,216 pieces"):
         put_pieces(many, many, np.zeros(1), np.zeros(1), device)
+
+
+def test_a_sliver_lifts_a_node_no_farther_than_its_normals_say(device):
+    """Triangles next to a line, whose area float32 does not know: at most the normals' slope times half a side."""
+    rng, n, side, slope = np.random.default_rng(0), 4000, 0.06, 0.3
+    a, way, aside = rng.uniform(-30, 30, (n, 3)), rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    b = a + way * rng.uniform(0.2, 0.8, (n, 1)) * side + rng.choice([0, 1e-7, 1e-6, 3e-6, 1e-5], (n, 1)) * aside
+    corners = np.stack([a, b, a + side * way], axis=1)
+    upright = np.cross(way, aside)
+    upright /= np.linalg.norm(upright, axis=1)[:, None]
+    normals = upright[:, None] + slope * rng.uniform(-1, 1, (n, 3, 1)) * way[:, None]
+    normals /= np.linalg.norm(normals, axis=2)[..., None]
+    level = put_pieces(corners, normals, np.zeros(n + 1, np.int32), np.zeros(1, np.int32), device)
+    points = np.einsum("nk,nkc->nc", rng.dirichlet([1, 1, 1], n), corners)
+    x, places, normal = device.put(np.vstack([points.T, np.arange(n)])), device.empty(3 * n), device.empty(3 * n)
+    levels = device.put(np.stack([np.zeros(n), np.full(n, -1)]).astype(np.int32))
+    slack = device.put(np.zeros(n))
+    device.launch("optimize.slide", n, x, n, slack, levels, *level.arguments, places, normal)
+    off = np.linalg.norm(np.array(device.get(places)).reshape(3, -1).T - points, axis=1)
+    assert 0.001 < off.max() < 0.5 * slope * side + 1e-4

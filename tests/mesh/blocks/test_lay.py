@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from gpubspline.bench.bench_blocks import three_arms
+from gpubspline.bench.bench_blocks import thin_ablations, thin_features, three_arms
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import MeshError
@@ -108,3 +108,11 @@ def test_walls_as_thin_as_an_element_are_kept(device: Device) -> None:
     made = blocks_mesh(region, size, rotation=place.axes(None), attempts=1, device=device)
     assert made.report.min_scaled_jacobian > 0.6 and made.report.lost_features == ()
     assert made.mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.05)  # a sixth of the nodes leave its surface
+
+
+def test_each_step_that_keeps_thin_features_keeps_one(both_devices):
+    """Plate, ring and spike: nothing is lost with all steps; without one a hole or a tip of it is."""
+    lines = list(thin_ablations(thin_features(), 2.0, both_devices[1]))[2:]
+    places, out = np.array([[float(cell) for cell in line.split("|")[5:7]] for line in lines]).T
+    np.testing.assert_array_equal(places, [0, 1, 1, 0])
+    assert out[0] == 0 and out[1] > 5 and out[2] == 0 and out[3] > 1.5
