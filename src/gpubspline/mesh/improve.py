@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer
-from gpubspline.mesh.movable import FREE, Goal, Movable
-from gpubspline.mesh.neighbourhood import hexes_round, neighbourhood
+from gpubspline.mesh.movable import FREE, Goal, Movable, node_sizes, node_slots
+from gpubspline.mesh.neighbourhood import edge_lengths, hexes_round, neighbourhood, target_lengths
 from gpubspline.mesh.quasi_newton import descend
 
 CAP = 0.3
@@ -54,16 +54,29 @@ ANY_LENGTH: dict[str, Any] = {"polishes": 0, "shortest": 1e-6}
 """Effort for meshes that are meant to have short edges: none counts, and nodes are not moved on and on."""
 
 TANGLED, LOOSE = 0.3, ((0.5, True), (0.5, False), (1.0, False))
-"""Hexes below this after the first descent have the surface nodes round them loosened by so many target lengths.
-
-First, where there are bodies that touch, only those between them: what is off there changes no outer surface.
+"""Where hexes stay inverted after the first descent those below this have the surface nodes round them loosened by so
+many target lengths. First, where there are bodies that touch, only those between them: that changes no outer surface.
 """
 
 AGAIN = 3
 """Most times that the first descent goes on where hexes are left below that."""
 
-POOR, SLACK = 0.6, ((0.2, True), (0.1, False), (0.2, False), (0.3, False))
-"""The same for hexes that no floor below this was reached for."""
+POOR, SLACK = 0.6, (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
+"""Hexes below this that no floor was reached for are mended alone, from where all were settled: round after round, with
+the surface nodes of those left loosened by so many target lengths once hardly any fewer are left than before. First,
+where there are bodies that touch, only those between them.
+"""
+
+MENDINGS, FEWER = 16, 0.8
+"""Most rounds of it, and what share of the poor hexes may be left of a round without the next slack."""
+
+THIN = 0.15
+"""Hexes are then asked to be as long as they are, as this part of their target length at least: one in a sheet thinner
+than an element has the sheet's thickness, and would push its sides out.
+"""
+
+MARGIN, ROUND_POOR = 0.02, 4
+"""By how much more than that they are raised, and rings of hexes round them that move too."""
 
 
 TURNS = ((0.1, 1e-3), (0.2, 1e-3), (0.05, 1e-3), (0.1, 1e-4), (0.2, 1e-4), (0.05, 1e-4))
@@ -130,7 +143,7 @@ def improve(
     slack: (n,) of the hexes.
     """
     effort = effort or Effort()
-    return lift(hexes, colours, settle(hexes, x, slack, effort), effort)
+    return lift(hexes, colours, settle(hexes, x, slack, effort), effort)[1]
 
 
 def settle(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Placed:
@@ -141,9 +154,9 @@ def settle(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Pl
             break
         best = _better(best, relaxed(hexes, copy(hexes, best.x), slack, effort))
     for loose, within in LOOSE if effort.loosen else ():
-        if best.least >= TANGLED:
+        if best.least > 0:
             break
-        slack = loosened(hexes, best, TANGLED, loose, rings=1, within=within)
+        slack = loosened(hexes, best, TANGLED, loose, within=within)
         if np.array_equal(slack, best.slack):
             continue
         hexes = hexes.with_slack(slack)
@@ -151,19 +164,49 @@ def settle(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Pl
     return best
 
 
-def lift(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
-    """Raise the floor under the worst hex, where it stays poor with surface nodes round it let go."""
-    hexes = hexes.with_slack(best.slack)
-    best = polish(hexes, colours, climb(hexes, colours, best, effort), effort)
-    for loose, within in SLACK if effort.loosen else ():
-        if best.least >= min(POOR, effort.goal):
+def lift(hexes: Movable, colours: NDArray[Any], settled: Placed, effort: Effort) -> tuple[Movable, Placed]:
+    """Raise the floor under the worst hex; where it stays poor mend those that are, and raise it from there.
+
+    Returns
+    -------
+    the hexes, whose targets are ``as_long_as_now`` where some were mended, and their nodes.
+    """
+    hexes = hexes.with_slack(settled.slack)
+    best = polish(hexes, colours, climb(hexes, colours, settled, effort), effort)
+    if best.least >= min(POOR, effort.goal) or not effort.loosen:
+        return hexes, best
+    hexes = as_long_as_now(hexes, settled.x)
+    mended = mend(hexes, colours, settled, effort)
+    hexes = hexes.with_slack(mended.slack)
+    return hexes, _better(best, polish(hexes, colours, climb(hexes, colours, mended, effort), effort))
+
+
+def mend(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+    """Raise hexes that are poor, moving those round them alone, with surface nodes of what stays poor let go."""
+    floor, latest = min(POOR, effort.goal), best
+    between = bool((np.array(hexes.device.get(hexes.levels)).reshape(2, -1)[0] > 0).any())
+    turns = [(loose, within) for loose in SLACK for within in ((True, False) if between else (False,))]
+    below = hexes.scaled_jacobian(latest.x) < floor
+    for _ in range(MENDINGS):
+        if best.least >= floor or not turns:
             break
-        slack = loosened(hexes, best, POOR, loose, rings=2, within=within)
-        if np.array_equal(slack, best.slack):
-            continue
+        slack = loosened(hexes, latest, floor, turns[0][0], within=turns[0][1])
+        near = hexes_round(hexes, hexes.scaled_jacobian(latest.x) < floor + 0.5 * MARGIN, ROUND_POOR)
         hexes = hexes.with_slack(slack)
-        best = polish(hexes, colours, climb(hexes, colours, replace(best, slack=slack), effort), effort)
+        latest = raise_to(hexes, colours, latest.x, floor + MARGIN, slack, effort, near)
+        best, before, below = _better(best, latest), below, hexes.scaled_jacobian(latest.x) < floor
+        if np.count_nonzero(below) > FEWER * np.count_nonzero(before):
+            turns = turns[1:]
     return best
+
+
+def as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
+    """Hexes whose edges should be as long as they are at x (3, n), no longer than they should, or ``THIN`` of that."""
+    points, targets = np.array(hexes.device.get(x)).reshape(3, -1).T.astype(np.float64), target_lengths(hexes)
+    lengths = 2 * np.log(np.clip(edge_lengths(points, hexes.cells).mean(axis=2), THIN * targets, targets))
+    start, slots = node_slots(hexes.cells, hexes.n_nodes)
+    scale = hexes.device.put(np.tile(node_sizes(lengths, start, slots), 3))
+    return replace(hexes, log_lengths=hexes.device.put(lengths), scale=scale)
 
 
 def relaxed(hexes: Movable, x: Buffer, slack: NDArray[Any], effort: Effort) -> Placed:
@@ -306,7 +349,7 @@ def sweep(hexes: Movable, colours: NDArray[Any], x: Buffer, floor: float, shorte
 
 
 def loosened(
-    hexes: Movable, at: Placed, floor: float, loose: float, rings: int, *, within: bool = False
+    hexes: Movable, at: Placed, floor: float, loose: float, *, rings: int = 1, within: bool = False
 ) -> NDArray[Any]:
     """Slack (n,) with that of surface nodes within some rings of hexes below a floor raised to ``loose``.
 

@@ -90,7 +90,7 @@ def test_steps_that_the_method_stands_on(device: Device) -> None:
 
 def noise(seed: int = 0) -> Region:
     """Voxels inside at random: walls as thin as a voxel everywhere."""
-    values = np.random.default_rng(seed).normal(size=(16, 16, 16)).astype(np.float32)
+    values = np.random.default_rng(seed).normal(size=(10, 10, 10)).astype(np.float32)
     values[[0, -1]] = values[:, [0, -1]] = values[:, :, [0, -1]] = 1.0
     return Region(values < 0, values, np.eye(4))
 

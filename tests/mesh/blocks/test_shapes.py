@@ -155,3 +155,21 @@ def test_chords_of_flat_faces_are_their_distance() -> None:
     assert chords.volume == pytest.approx(-0.1)
     assert np.argmin(chords.off) == 5 and chords.off[5] < chords.off[:5].min() - 0.04
     assert 0.04 < np.abs(chords.added_to(level) - level).max() <= 0.25
+
+
+def fin(points: Floats) -> Floats:
+    """A cube with a sheet of 0.8 mm, askew: half an element thick."""
+    turned = points @ TURN
+    away = np.array([6.0, 0.0, 0.0])
+    return np.asarray(np.minimum(box(turned + away, (4.0, 4.0, 4.0)), box(turned - away / 2, (7.0, 6.0, 0.4))))
+
+
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
+def test_a_sheet_of_half_an_element_is_not_swollen(device: Device) -> None:
+    """Hexes asked to be as long as others pushed its sides out: 16 % of the whole volume."""
+    region = sampled(fin, (13, 13, 13))
+    made = blocks_mesh(region, 1.5, device=device)
+    mesh, quality = assess(made.mesh, device)
+    assert quality.inverted == 0 and quality.min >= 0.6
+    assert mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.05)
+    assert made.report.euler["mesh"] == made.report.euler["region"]
