@@ -30,7 +30,12 @@ SHARES = {  # of bandwidth
     "write-vts": 0.5,
     "write-vtkhdf": 0.5,
 }
-GPU_SHARES = {"evaluate": 0.7, "resample": 0.7, "quality-structured": 0.5}
+GPU_SHARES = {  # of the driver's copy, or of gathers
+    "evaluate": 0.7,
+    "resample": 0.7,
+    "quality-structured": 0.5,
+}
+ENOUGH = 1e8  # nodes, elements or points, from which on a GPU is busy for long enough
 SECONDS = {"lattice": 2.0, "read-dicom": 3.0}
 START_UP = {"gpubspline --help": 0.5, "first patch": 2.0}
 SECONDS_A_HEX = {"write-inp": 1 / 1.33e6, "elasticity-growth": 240 / 1e6, "blocks": 360 / 1e6}
@@ -59,8 +64,9 @@ def aims(row: Row, before: Sequence[Row] = ()) -> list[Aim]:
     """Aims of a row; those beside another row where that is one of ``before``."""
     if row.device == "warp:cpu" and row.name in ON_BOTH:
         return list(_beside_opencl(row, before))
-    if row.gpu:
-        return list(_share(row, GPU_SHARES.get(row.name)))
+    if row.gpu:  # neighbours in the order of a mesh share what they read: what that may take at least is not known
+        held = row.items >= ENOUGH and "mesh order" not in row.size
+        return list(_share(row, GPU_SHARES.get(row.name))) if held else []
     if row.name == "scaling" and not row.device.startswith("warp"):
         return []
     beside_paper = list(_beside_paper(row))  # other control points have no aim but this

@@ -1,7 +1,7 @@
 """A hyperpatch of x, y, z, HU on a grid of parameters.
 
 Floors, a node of K = 4 channels: 4 K = 16 bytes written; the control points and the planes between the passes stay in
-the caches. Held against ``fill``. Operations: 2 K (degree + 1) = 32 for a cubic in the pass along w, which makes every
+the caches. Against ``writing``. Operations: 2 K (degree + 1) = 32 for a cubic in the pass along w, which makes every
 node; those along v and u make n_w / N and n_v n_w / N^2 as many numbers of n control points and N nodes a direction:
 
     control       200^3 nodes                   460^3 nodes
@@ -42,8 +42,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gpubspline.bench.measure import Peer, Place, Row, Run, best_in_turn, best_of, cores, peer, time_peers
+from gpubspline.bench.measure import Peer, Place, Row, Run, best_in_turn, best_of, check, cores, peer, time_peers
 from gpubspline.bench.recorder import Recorder
 from gpubspline.spline.hyperpatch import Hyperpatch, hyperpatch
 
@@ -54,7 +55,11 @@ CASES = {  # control points, degree, nodes a direction
     "quick": [(*case, 200) for case in [(PAPER, 3), *product(CUBES, (1, 2, 3, 4, 5))]],
     "tiny": [((5, 6, 7), 3, 9), ((4, 4, 4), 1, 8)],
 }
-FAST_CASE = (PAPER, 3, 700)
+FAST_CASES = {  # of a GPU, which less does not keep busy
+    "full": [*CASES["full"], (PAPER, 3, 700)],
+    "quick": [(PAPER, 3, 512), (CUBES[1], 3, 512), (PAPER, 3, 700)],
+}
+MOST_NODES = 600  # a direction, of which peers are timed
 ROUNDS = 40  # of a case and the paper's patch in turn
 ROUNDING = 3e-7
 """For each control point along an axis: so much steeper is the basis over parameters, which float32 rounds by 6e-8."""
@@ -71,7 +76,7 @@ def random_patch(control: tuple[int, ...], degree: int) -> Hyperpatch:
 
 def rows(place: Place) -> Iterator[Row]:
     """Time the kernels on buffers that stay on the device; the paper's patch against every peer, others scipy."""
-    cases = CASES[place.scale] + [FAST_CASE] * (place.fast and place.scale == "full")
+    cases = (FAST_CASES if place.fast else CASES).get(place.scale, CASES["tiny"])
     cubic: dict[int, Run] = {}  # the paper's patch by nodes a direction
     for number, (control, degree, n) in enumerate(cases):
         patch, axes, recorder = random_patch(control, degree), [np.linspace(0, 1, n)] * 3, Recorder(place.device)
@@ -81,14 +86,26 @@ def rows(place: Place) -> Iterator[Row]:
             peers |= {"scipy float64": partial(_scipy_rows, patch, axes)}
             peers |= {"splipy": partial(_splipy, patch, axes)}
             peers |= {"splinepy": partial(_splinepy, patch, axes)}
-        others = time_peers("evaluate", planes, ROUNDING * max(control), peers)
-        floor = planes.nbytes / place.fill
+        if n <= MOST_NODES:
+            others = time_peers("evaluate", planes, ROUNDING * max(control), peers)
+        else:
+            others = _check_some(patch, axes, planes)
+        floor = planes.nbytes / place.writing
         if control != PAPER and n in cubic:
             seconds, others["cubic 20x24x46"] = best_in_turn(recorder.replay, cubic[n], rounds=ROUNDS)
         else:
             seconds, cubic[n] = best_of(recorder.replay), recorder.replay
         size = f"degree {degree}, control {'x'.join(map(str, control))}, {n}x{n}x{n} nodes"
         yield Row("evaluate", size, place.device.name, seconds, n**3, floor / seconds, others)
+
+
+def _check_some(patch: Hyperpatch, axes: list[Any], planes: NDArray[Any]) -> dict[str, float | None]:
+    """Compare some planes along w with SciPy's; of peers none."""
+    some = np.arange(0, len(axes[2]), 97)
+    run, view = _scipy(patch, [*axes[:2], axes[2][some]])
+    ours = planes.reshape(len(planes), len(axes[2]), -1)[:, some].reshape(len(planes), -1)
+    check("evaluate as scipy has it", ours, view(run()).reshape(len(planes), -1), ROUNDING * max(patch.control.shape))
+    return {}
 
 
 def _design(patch: Hyperpatch, axes: list[Any]) -> list[Any]:

@@ -2,7 +2,7 @@
 
 Floors, a node: x, y, z and HU, density, modulus, Poisson's ratio and piece, and a scaled Jacobian written, 36 bytes;
 nothing has to be read back. Operations: 40 for the place, 80 for the law, 180 for the quality (``bench_quality``), 300
-in all. Held against ``fill``.
+in all. Held against ``writing``.
 
 Operations, not bytes, are what a pass takes, so that the sum stays far above 1.25 times its slowest part: 300 are 1.7
 times the 180 of quality. Were edges made once a node and direction, 3 instead of 8 a hex, they would be 250, still 1.4
@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.bench.bench_bandwidth import fill
 from gpubspline.bench.bench_evaluate import PAPER, random_patch
 from gpubspline.bench.bench_quality import by_formula, vtk_quality
 from gpubspline.bench.measure import Place, Row, best_of, check, time_peers
@@ -66,7 +67,7 @@ def stores_alone(n: int, device: Device) -> Callable[[], None]:
 
     def run() -> None:
         for buffer, count in written:
-            device.launch("bandwidth.fill", count, buffer, 0.5, count)
+            fill(device, buffer, 0.5, count)
         device.wait()
 
     return run
@@ -91,5 +92,5 @@ def rows(place: Place) -> Iterator[Row]:
     others: dict[str, float | None] = {"slowest part": max(alone), "all parts": sum(alone)}
     others["stores alone"] = best_of(stores_alone(n, place.device))
     others |= time_peers("quality", None, 0.0, {"VTK, quality alone": partial(vtk_quality, apart, explicit=False)})
-    seconds, floor = best_of(whole.replay), BYTES * n**3 / place.fill
+    seconds, floor = best_of(whole.replay), BYTES * n**3 / place.writing
     yield Row("fused", f"{n}x{n}x{n} nodes", place.device.name, seconds, n**3, floor / seconds, others)

@@ -2,7 +2,7 @@
 
 Floors, a node: HU read and four values written, 20 bytes. Operations: comparisons with both ends of each piece, a
 multiplication and an addition for the density, and a power, which is two polynomials: about 80 with two pieces. Held
-against ``triad``.
+against ``moving``.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ def rows(place: Place) -> Iterator[Row]:
     made = map_material(hu, law, device=recorder)
     planes = np.stack([made.density_g_cm3, made.modulus_mpa, made.poisson])
     others = time_peers("material", planes, 1e-5, {"numpy": lambda: (lambda: _numpy(hu, law), np.stack)})
-    seconds, floor = best_of(recorder.replay), BYTES * n / place.triad
+    seconds, floor = best_of(recorder.replay), BYTES * n / place.moving
     yield Row("material", f"{n:,} nodes", place.device.name, seconds, n, floor / seconds, others)
 
 

@@ -4,7 +4,7 @@ Floors, an element: structured, 3 coordinates of the one node that is new to it 
 explicit, 8 node numbers more, 48 bytes. Operations: 12 edges of 3 differences, 5 for the square and a reciprocal root,
 8 determinants of 19, which lengths are brought into last, 7 minima, about 270, which on a CPU weigh more than the
 bytes. A structured grid shares edges between neighbours: 3 an element would be enough, about 130 operations; OpenCL's
-rows share along u and make 8, with 4 cross products instead of 8, about 180. Held against ``triad``.
+rows share along u and make 8, with 4 cross products instead of 8, about 180. Held against ``moving``.
 
 A core of Zen 5 does 64 operations a cycle, so that 16 elements of a grid could take 45 cycles. They take 90, whether or
 not they lie in its caches, and as many with roots by estimate and Newton's method: what waits for a root fills the
@@ -31,7 +31,7 @@ from gpubspline.mesh.quality import scaled_jacobian
 
 STRUCTURED = {"full": [200], "quick": [200], "tiny": [10]}  # nodes a direction
 EXPLICIT = {"full": [201], "quick": [201], "tiny": [10]}
-FAST = 460
+FAST = [512, 700]
 ROUNDING = 3e-7
 """For each node along an edge of the grid: coordinates grow with it, their differences do not."""
 BYTES = {"quality-structured": 16, "quality-explicit": 48}
@@ -50,7 +50,7 @@ def jittered(n: int) -> Mesh:
 
 def structured(place: Place) -> Iterator[Row]:
     """Time a grid, whose connectivity is implied."""
-    for n in STRUCTURED[place.scale] + [FAST] * (place.fast and place.scale == "full"):
+    for n in STRUCTURED[place.scale] + FAST * (place.fast and place.scale != "tiny"):
         mesh = jittered(n)
         yield _row(place, "quality-structured", f"{n}x{n}x{n} nodes", mesh, partial(vtk_quality, mesh, explicit=False))
 
@@ -71,7 +71,7 @@ def _row(place: Place, name: str, size: str, mesh: Mesh, vtk: Peer) -> Row:
     tolerance = 1e-5 + ROUNDING * float(np.cbrt(mesh.n_nodes))
     check(f"{name} by its formula", values[some], by_formula(mesh, some), tolerance)
     seconds, others = time_beside(name, recorder.replay, values, tolerance, {"VTK": vtk})
-    floor = BYTES[name] * mesh.n_elements / place.triad
+    floor = BYTES[name] * mesh.n_elements / place.moving
     return Row(name, size, place.device.name, seconds, mesh.n_elements, floor / seconds, others)
 
 

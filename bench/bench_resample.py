@@ -2,7 +2,8 @@
 
 Floors, a point: 3 coordinates read and one value written, 16 bytes; besides, each of the 4 cache lines that hold its 8
 voxels, once for all the points near by where points come in the order of a mesh, for each point where they come in
-none: a gather is held against ``triad`` by its 16 bytes alone. Operations: 18 for the index, 9 for the place in the
+none: a gather is held against ``moving`` by its 16 bytes alone, on a GPU in no order against four gathers (see
+``bench_bandwidth``). Operations: 18 for the index, 9 for the place in the
 voxel, 14 for the 7 mixes, about 45 with the limits.
 
 Neither bounds it on a CPU, but the wait for voxels that are in no near cache: asked for some vectors of points ahead,
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.bench.measure import Peer, Place, Row, time_beside
+from gpubspline.bench.measure import Peer, Place, Row, best_of, check, time_beside
 from gpubspline.bench.recorder import Recorder
 from gpubspline.ct.region import Region
 from gpubspline.mesh.distance import sample_distance
@@ -26,7 +27,9 @@ SIZES = {  # voxels (k, j, i), points (w, v, u)
     "quick": ((200, 512, 512), (250, 200, 200)),
     "tiny": ((6, 7, 8), (5, 6, 7)),
 }
+FAST_POINTS = (500, 500, 400)
 BYTES = 16
+ROWS = 4  # of voxels side by side that a point reads two of
 
 
 def _region(shape: tuple[int, ...]) -> Region:
@@ -55,16 +58,24 @@ def grid_and_points(
 
 def rows(place: Place) -> Iterator[Row]:
     """Time points in the order of a mesh, and the same in none."""
-    voxels, points = SIZES[place.scale]
-    shuffled = np.random.default_rng(7).permutation(int(np.prod(points)))
-    for words, order in (("mesh order", None), ("random order", shuffled)):
-        recorder, (region, indices, at) = Recorder(place.device), grid_and_points(voxels, points, order)
-        values = sample_distance(region, at, recorder)
-        peers: dict[str, Peer] = {"scipy.ndimage": partial(_scipy, region, indices)}
-        seconds, others = time_beside("resample", recorder.replay, values, 2e-4, peers)
-        floor = BYTES * len(at) / place.triad
-        size = f"{len(at):,} points in {words}, {'x'.join(map(str, voxels[::-1]))} voxels"
-        yield Row("resample", size, place.device.name, seconds, len(at), floor / seconds, others)
+    voxels, few = SIZES[place.scale]
+    sizes = [few, FAST_POINTS] if place.fast and place.scale != "tiny" else [few]
+    for points in sizes:
+        shuffled = np.random.default_rng(7).permutation(int(np.prod(points)))
+        for words, order in (("mesh order", None), ("random order", shuffled)):
+            recorder, (region, indices, at) = Recorder(place.device), grid_and_points(voxels, points, order)
+            values = sample_distance(region, at, recorder)
+            if points == few:
+                peers: dict[str, Peer] = {"scipy.ndimage": partial(_scipy, region, indices)}
+                seconds, others = time_beside("resample", recorder.replay, values, 2e-4, peers)
+            else:
+                run, view = _scipy(region, indices[::97])
+                check("resample", values[::97], view(run()), 2e-4)
+                seconds, others = best_of(recorder.replay), {}
+            gathered = order is not None and place.gathers
+            floor = ROWS * len(at) / place.gathers if gathered else BYTES * len(at) / place.moving
+            size = f"{len(at):,} points in {words}, {'x'.join(map(str, voxels[::-1]))} voxels"
+            yield Row("resample", size, place.device.name, seconds, len(at), floor / seconds, others)
 
 
 def _scipy(region: Region, indices: NDArray[np.float32]) -> tuple[Any, Any]:

@@ -39,14 +39,28 @@ class Place:
     Attributes
     ----------
     device: of float32.
-    fill, triad: bandwidth measured there, bytes a second.
+    fill, triad: bandwidth measured there by kernels, bytes a second.
     scale: one of ``SCALES``.
+    copy: of a GPU, bandwidth of its driver's copy, bytes read and written a second; 0 on a CPU.
+    gathers: of a GPU, numbers a second that are read from anywhere in a CT; 0 on a CPU.
     """
 
     device: Device
     fill: float
     triad: float
     scale: str
+    copy: float = 0.0
+    gathers: float = 0.0
+
+    @property
+    def writing(self) -> float:
+        """What kernels that only write are held against: ``fill``, on a GPU ``copy``."""
+        return self.copy or self.fill
+
+    @property
+    def moving(self) -> float:
+        """What kernels that also read are held against: ``triad``, on a GPU ``copy``."""
+        return self.copy or self.triad
 
     @property
     def fast(self) -> bool:

@@ -27,6 +27,9 @@ class Recorder:
     def get(self, buffer: Buffer) -> Any:
         return self._device.get(buffer)
 
+    def copy(self, source: Buffer, target: Buffer) -> None:
+        self._device.copy(source, target)
+
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         self._launches.append((kernel, dim, *args))
         self._device.launch(kernel, dim, *args)

@@ -107,7 +107,7 @@ def heading() -> str:
         [
             "; ".join([machine, *labels]) + ".",
             "Of bandwidth: the time that the bytes which must move (of elasticity, or operations) would take alone, "
-            "over the time taken; of files, by plain writing or reading. Aim: what two cores should reach.",
+            "over the time taken; of files, by plain writing or reading. Aim: what two cores or a GPU should reach.",
             "",
             "| work | size | device | time | rate | of bandwidth | times faster than | aim |",
             "|---|---|---|---|---|---|---|---|",
@@ -139,7 +139,7 @@ def _against(name: str, ratio: float | None, bandwidth_fraction: float | None) -
 
 
 def _short(value: float) -> str:
-    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+    for size, letter in ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
         if value >= size:
             return f"{value / size:.3g} {letter}"
     return f"{value:.3g} "

@@ -42,3 +42,54 @@ def inverse_root(squared: Any):
 """)
 def fetch(plane: wp.array(dtype=Any), at: wp.int32) -> None:
     """Ask a CPU's caches for what will be needed."""
+
+
+# Elements of a flat array without the stride and the count from its end that Warp allows for: on a GPU they cost more
+# than much arithmetic. Arrays have less than 2^31 elements.
+@wp.func_native("return values.data[at];")
+def element(values: wp.array(dtype=wp.float32), at: wp.int32) -> wp.float32: ...
+
+
+@wp.func_native("return values.data[at];")
+def element(values: wp.array(dtype=wp.float64), at: wp.int32) -> wp.float64: ...  # noqa: F811
+
+
+@wp.func_native("return values.data[at];")
+def element(values: wp.array(dtype=wp.int32), at: wp.int32) -> wp.int32: ...  # noqa: F811
+
+
+@wp.func_native("values.data[at] = value;")
+def set_element(values: wp.array(dtype=Any), at: wp.int32, value: Any) -> None: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __stcs(values.data + at, value);
+#else
+    values.data[at] = value;
+#endif
+""")
+def stream(values: wp.array(dtype=Any), at: wp.int32, value: Any) -> None:
+    """Set an element that is not read again soon, and should leave the caches first."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    float root;
+    asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(value)); // what rsqrtf is but for what is hardly more than 0
+    return root;
+#else
+    return 1 / ::sqrt(value);
+#endif
+""")
+def root_of_inverse(value: wp.float32) -> wp.float32: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return rsqrt(value);
+#else
+    return 1 / ::sqrt(value);
+#endif
+""")
+def root_of_inverse(value: wp.float64) -> wp.float64: ...  # noqa: F811

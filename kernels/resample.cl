@@ -76,14 +76,23 @@ inline realv index_of(__global const real *to_index, __global const real *x, __g
 }
 
 // to_index: row-major 3x4 map from millimetres to the index (i, j, k). Up to half a voxel beyond the outermost centres the
-// border voxel's value goes on; farther out it does so where `clamp_outside` is 1, and is `outside` where it is 0.
+// border voxel's value goes on; farther out it does so where `clamp_outside` is 1, and is `outside` where it is 0. On a GPU
+// a work item takes `run` points, TILE apart.
+#define TILE 256
+#if LANES == 1
+#define FOR_POINTS(p)                                                                        \
+    int end = min(((int)get_global_id(0) / TILE + 1) * TILE * run, n_points);                \
+    for (int p = get_global_id(0) / TILE * TILE * run + get_global_id(0) % TILE; p < end; p += TILE)
+#else
+#define FOR_POINTS(p) FOR_LANES(p, n_points)
+#endif
 __kernel __attribute__((vec_type_hint(realv)))
 void trilinear(__global const real *volume, int n_i, int n_j, int n_k, __global const real *to_index,
                __global const real *x, __global const real *y, __global const real *z, real outside, int clamp_outside,
-               int n_points, __global real *out)
+               int run, int n_points, __global real *out)
 {
 #define INDEX(row, p) index_of(to_index + 4 * row, x, y, z, p)
-    FOR_LANES(p, n_points) {
+    FOR_POINTS(p) {
 #if LANES > 1
         int later = min(p + AHEAD * LANES, n_points);
         fetch_samples(n_i, n_j, n_k, volume, INDEX(0, later), INDEX(1, later), INDEX(2, later));

@@ -4,6 +4,9 @@ from typing import Any
 
 import warp as wp
 
+from gpubspline.kernels.lanes import element, set_element
+
+TILE = wp.constant(256)  # of a GPU: points that a group of threads takes at once
 AHEAD = wp.constant(64)  # points whose samples are asked for before they are read: waiting for them is most of the time
 
 
@@ -12,7 +15,7 @@ AHEAD = wp.constant(64)  # points whose samples are asked for before they are re
     __builtin_prefetch(values.data + at);
 #endif
 """)
-def fetch(values: wp.array(dtype=Any), at: wp.int64):
+def fetch(values: wp.array(dtype=Any), at: wp.int32):
     """Begin to bring a number to the caches of a CPU; what a GPU waits for, its other threads hide."""
     ...
 
@@ -39,10 +42,10 @@ def between(low: Any, high: Any, share: Any):
 
 @wp.func
 def bilinear(
-    volume: wp.array(dtype=Any), corner: wp.int64, step_i: wp.int64, step_j: wp.int64, share_i: Any, share_j: Any
+    volume: wp.array(dtype=Any), corner: wp.int32, step_i: wp.int32, step_j: wp.int32, share_i: Any, share_j: Any
 ):
-    low = between(volume[corner], volume[corner + step_i], share_i)
-    high = between(volume[corner + step_j], volume[corner + step_j + step_i], share_i)
+    low = between(element(volume, corner), element(volume, corner + step_i), share_i)
+    high = between(element(volume, corner + step_j), element(volume, corner + step_j + step_i), share_i)
     return between(low, high, share_j)
 
 
@@ -52,8 +55,7 @@ def find_place(n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, 
     i, share_i = grid_line(t_i, n_i)
     j, share_j = grid_line(t_j, n_j)
     k, share_k = grid_line(t_k, n_k)
-    row = wp.int64(n_i)
-    return wp.int64(i) + wp.int64(j) * row + wp.int64(k) * row * wp.int64(n_j), share_i, share_j, share_k
+    return i + n_i * (j + n_j * k), share_i, share_j, share_k
 
 
 @wp.func
@@ -61,11 +63,10 @@ def fetch_samples(
     volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
 ):
     corner, _i, _j, _k = find_place(n_i, n_j, n_k, t_i, t_j, t_k)
-    row = wp.int64(n_i)
     fetch(volume, corner)
-    fetch(volume, corner + row)
-    fetch(volume, corner + row * wp.int64(n_j))
-    fetch(volume, corner + row * wp.int64(n_j) + row)
+    fetch(volume, corner + n_i)
+    fetch(volume, corner + n_i * n_j)
+    fetch(volume, corner + n_i * n_j + n_i)
 
 
 @wp.func
@@ -73,10 +74,9 @@ def interpolated(
     volume: wp.array(dtype=Any), n_i: wp.int32, n_j: wp.int32, n_k: wp.int32, t_i: Any, t_j: Any, t_k: Any
 ):
     corner, share_i, share_j, share_k = find_place(n_i, n_j, n_k, t_i, t_j, t_k)
-    row = wp.int64(n_i)
-    step_i = wp.where(n_i > 1, wp.int64(1), wp.int64(0))
-    step_j = wp.where(n_j > 1, row, wp.int64(0))
-    step_k = wp.where(n_k > 1, row * wp.int64(n_j), wp.int64(0))
+    step_i = wp.where(n_i > 1, 1, 0)
+    step_j = wp.where(n_j > 1, n_i, 0)
+    step_k = wp.where(n_k > 1, n_i * n_j, 0)
     near = bilinear(volume, corner, step_i, step_j, share_i, share_j)
     far = bilinear(volume, corner + step_k, step_i, step_j, share_i, share_j)
     return between(near, far, share_k)
@@ -90,9 +90,12 @@ def indices_of(
     z: wp.array(dtype=Any),
     p: wp.int32,
 ):
-    t_i = to_index[0] * x[p] + to_index[1] * y[p] + to_index[2] * z[p] + to_index[3]
-    t_j = to_index[4] * x[p] + to_index[5] * y[p] + to_index[6] * z[p] + to_index[7]
-    t_k = to_index[8] * x[p] + to_index[9] * y[p] + to_index[10] * z[p] + to_index[11]
+    x_p = element(x, p)
+    y_p = element(y, p)
+    z_p = element(z, p)
+    t_i = element(to_index, 0) * x_p + element(to_index, 1) * y_p + element(to_index, 2) * z_p + element(to_index, 3)
+    t_j = element(to_index, 4) * x_p + element(to_index, 5) * y_p + element(to_index, 6) * z_p + element(to_index, 7)
+    t_k = element(to_index, 8) * x_p + element(to_index, 9) * y_p + element(to_index, 10) * z_p + element(to_index, 11)
     return t_i, t_j, t_k
 
 
@@ -108,22 +111,30 @@ def trilinear(
     z: wp.array(dtype=Any),
     outside: Any,
     clamp_outside: wp.int32,
+    run: wp.int32,
     n_points: wp.int32,
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
     """to_index: row-major 3x4 map from millimetres to the index (i, j, k).
 
+    A work item takes ``run`` points, TILE apart; on a CPU 1.
+
     Up to half a voxel beyond the outermost centres the border voxel's value goes on; farther out it does so where
     ``clamp_outside`` is 1, and is ``outside`` where it is 0.
     """
-    p = wp.tid() + first
-    l_i, l_j, l_k = indices_of(to_index, x, y, z, wp.min(p + AHEAD, n_points - 1))
-    fetch_samples(volume, n_i, n_j, n_k, l_i, l_j, l_k)
-    t_i, t_j, t_k = indices_of(to_index, x, y, z, p)
-    out[p] = interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k)
-    if clamp_outside == 0 and (beyond(t_i, n_i) or beyond(t_j, n_j) or beyond(t_k, n_k)):
-        out[p] = outside
+    item = wp.tid() + first
+    p = item // TILE * (TILE * run) + item % TILE
+    end = wp.min(p + TILE * run, n_points)
+    while p < end:
+        l_i, l_j, l_k = indices_of(to_index, x, y, z, wp.min(p + AHEAD, n_points - 1))
+        fetch_samples(volume, n_i, n_j, n_k, l_i, l_j, l_k)
+        t_i, t_j, t_k = indices_of(to_index, x, y, z, p)
+        value = interpolated(volume, n_i, n_j, n_k, t_i, t_j, t_k)
+        if clamp_outside == 0 and (beyond(t_i, n_i) or beyond(t_j, n_j) or beyond(t_k, n_k)):
+            value = outside
+        set_element(out, p, value)
+        p = p + TILE
 
 
 @wp.func

@@ -105,3 +105,85 @@ void hex_scaled_jacobian(__global const real *x, __global const real *y, __globa
         n0 = m0, n1 = m1, n2 = m2, n3 = m3;
     }
 }
+
+// The same on a GPU, launched over (parts, bands * chunks * TILE_ROWS * TILE).
+//
+// A part is `part` cells along w, a band TILE_ROWS pairs of cells along v, a chunk TILE cells along u. A work item goes
+// along w with two cells, one behind the other along v: edges that they share are worked out once, and so are the cross
+// products of the faces between cells and those that follow. Six nodes, u fastest, are p[0] to p[5].
+#define TILE 32     // cells along u whose nodes a group reads at once
+#define TILE_ROWS 4 // such tiles along v, of two cells each, which read the same nodes
+typedef JOIN(real, 3) vec3;
+
+inline void nodes(int n_u, int on, __global const real *x, __global const real *y, __global const real *z, vec3 *p)
+{
+    int at[6] = {0, 1, n_u, n_u + 1, n_u + on, n_u + on + 1};
+    for (int a = 0; a < 6; a++)
+        p[a] = (vec3)(x[at[a]], y[at[a]], z[at[a]]);
+}
+
+inline real inverse_of(vec3 edge)
+{
+    real squared = dot(edge, edge);
+    return squared > 0 ? rsqrt(squared) : 0;
+}
+
+inline vec3 unit_between(vec3 a, vec3 b)
+{
+    return (b - a) * inverse_of(b - a);
+}
+
+inline void normals(const vec3 *p, vec3 *n)
+{
+    vec3 u[3], v[4];
+    for (int a = 0; a < 3; a++)
+        u[a] = unit_between(p[2 * a], p[2 * a + 1]);
+    for (int a = 0; a < 4; a++)
+        v[a] = unit_between(p[a], p[a + 2]);
+    for (int a = 0; a < 8; a++) // of two faces, four nodes each
+        n[a] = cross(u[a / 2 - a / 4], v[a / 4 * 2 + a % 2]);
+}
+
+inline real least_of(const vec3 *edge, const real *inverse, const vec3 *before, const vec3 *behind)
+{
+    real low = 2, sum = 0;
+    for (int a = 0; a < 4; a++) {
+        real value = fmin(dot(edge[a], before[a]), dot(edge[a], behind[a])) * inverse[a];
+        low = fmin(low, value), sum += value;
+    }
+    return low + (sum - sum);
+}
+
+__kernel void hex_columns(__global const real *x, __global const real *y, __global const real *z, int n_u, int n_v,
+                          int n_w, int part, __global real *out)
+{
+    int item = get_global_id(0), n_chunks = (n_u - 1 + TILE - 1) / TILE, tile = item / TILE;
+    int i = tile / TILE_ROWS % n_chunks * TILE + item % TILE;
+    int j = 2 * (tile / (TILE_ROWS * n_chunks) * TILE_ROWS + tile % TILE_ROWS);
+    if (i >= n_u - 1 || j >= n_v - 1)
+        return;
+    int k = get_global_id(1) * part, end = min(k + part, n_w - 1), on = j + 2 < n_v ? n_u : 0;
+    size_t at = ((size_t)k * n_v + j) * n_u + i;
+    out += ((size_t)k * (n_v - 1) + j) * (n_u - 1) + i;
+    vec3 p[6], q[6], edge[6], before[8], behind[8];
+    nodes(n_u, on, x + at, y + at, z + at, p);
+    normals(p, before);
+    for (; k < end; k++, out += (size_t)(n_u - 1) * (n_v - 1)) {
+        real inverse[6];
+        at += (size_t)n_u * n_v;
+        nodes(n_u, on, x + at, y + at, z + at, q);
+        normals(q, behind);
+        for (int a = 0; a < 6; a++) {
+            edge[a] = q[a] - p[a];
+            inverse[a] = inverse_of(edge[a]);
+            p[a] = q[a];
+        }
+        real low = least_of(edge, inverse, before, behind);
+        real next = least_of(edge + 2, inverse + 2, before + 4, behind + 4);
+        *out = low;
+        if (on)
+            out[n_u - 1] = next;
+        for (int a = 0; a < 8; a++)
+            before[a] = behind[a];
+    }
+}

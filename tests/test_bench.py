@@ -50,6 +50,9 @@ def well_formed(row: Row) -> bool:
 @pytest.mark.parametrize("name", run.ON_DEVICES)
 def test_rows_of_a_device(name: str, device: Device) -> None:
     rows = list(run.ON_DEVICES[name](tiny(device)))
+    if name == "scaling" and not device.cores:
+        assert not rows
+        return
     assert rows and all(well_formed(row) and row.device == device.name for row in rows)
     assert TIMES.get(name, {}).keys() <= {peer for row in rows for peer in row.peers}
 
@@ -76,7 +79,8 @@ def test_scale_watches_memory_and_draws(tmp_path: Path) -> None:
 
 
 def test_bandwidth_is_measured_where_asked(device: Device) -> None:
-    fill, triad = run.run(["bandwidth"], [device.name], "tiny")
+    fill, triad, *of_a_gpu = run.run(["bandwidth"], [device.name], "tiny")
+    assert [row.name for row in of_a_gpu] == ([] if device.cores else ["copy", "gather"])
     assert (fill.name, triad.name) == ("fill", "triad") and fill.device == triad.device == device.name
     assert fill.items / fill.seconds == pytest.approx(1e9 / fill.seconds)
 
@@ -109,8 +113,8 @@ def test_recorder_repeats_what_was_launched(device: Device) -> None:
 def test_recorder_replays_into_the_same_buffers(device: Device) -> None:
     recorder = Recorder(device)
     out = recorder.empty(10)
-    recorder.launch("bandwidth.fill", 10, out, 2.0, 10)
-    device.launch("bandwidth.fill", 10, out, 3.0, 10)
+    recorder.launch("bandwidth.fill", 10, out, 2.0, 10, 10)
+    device.launch("bandwidth.fill", 10, out, 3.0, 10, 10)
     recorder.replay()
     assert np.array_equal(device.get(out), np.full(10, 2.0))
 
@@ -120,11 +124,18 @@ def test_bandwidth_kernels(any_device: Device) -> None:
     for n in (1, 7, 8, 1003):  # one lane, less than a vector, a vector, many with a rest
         a, b, value = rng.random(n), rng.random(n), float(any_device.real.type(rng.random()))
         out = any_device.put(np.full(n + 3, -1.0))
-        any_device.launch("bandwidth.fill", n, out, value, n)
-        assert np.array_equal(any_device.get(out), [value] * n + [-1] * 3)
-        any_device.launch("bandwidth.triad", n, any_device.put(a), any_device.put(b), value, n, out)
-        assert np.allclose(any_device.get(out)[:n], a + value * b, rtol=1e-6)
-        assert np.array_equal(any_device.get(out)[n:], [-1] * 3)
+        for items in (n, -(-n // 4)):
+            any_device.launch("bandwidth.fill", items, out, value, n, items)
+            assert np.array_equal(any_device.get(out), [value] * n + [-1] * 3)
+            any_device.launch("bandwidth.triad", items, any_device.put(a), any_device.put(b), value, n, items, out)
+            assert np.allclose(any_device.get(out)[:n], a + value * b, rtol=1e-6)
+            assert np.array_equal(any_device.get(out)[n:], [-1] * 3)
+            index, source = rng.integers(0, n, n, dtype=np.int32), any_device.put(a)
+            any_device.launch("bandwidth.gather", items, source, any_device.put(index), n, items, out)
+            assert np.allclose(any_device.get(out)[:n], a[index], rtol=1e-6)
+            any_device.copy(source, out := any_device.put(np.full(n, -1.0)))
+            assert np.allclose(any_device.get(out), a, rtol=1e-6)
+            out = any_device.put(np.full(n + 3, -1.0))
 
 
 def test_best_of_is_the_least() -> None:
@@ -187,9 +198,13 @@ def test_aims_of_files_grow_with_them() -> None:
 
 
 def test_aims_of_a_gpu_are_shares_of_its_bandwidth_by_either_backend() -> None:
-    size, times = "degree 3, control 20x24x46, 9x9x9 nodes", {"scipy float64": 2.0}
+    size, times, enough = "degree 3, control 20x24x46, 700x700x700 nodes", {"scipy float64": 2.0}, 700**3
     for name in ("opencl:1:0", "warp:cuda:0"):
-        assert words(Row("evaluate", size, name, 1.0, 1, 0.71, times, gpu=True)) == ["70 % of bandwidth reached"]
+        assert words(Row("evaluate", size, name, 1.0, enough, 0.71, times, gpu=True)) == ["70 % of bandwidth reached"]
+        assert words(Row("evaluate", size, name, 1.0, 200**3, 0.71, times, gpu=True)) == []  # launches weigh there
+    for order, said in (("random", ["70 % of bandwidth missed"]), ("mesh", [])):
+        row = Row("resample", f"{enough:,} points in {order} order", "warp:cuda:0", 1.0, enough, 0.6, gpu=True)
+        assert words(row) == said
     assert words(Row("fused", size, "opencl:1:0", 1.0, 1, 0.71, {"slowest part": 1.0}, gpu=True)) == []
 
 

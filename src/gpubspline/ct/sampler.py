@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Buffer, Device
 
+TILE = 256  # of a GPU, as in its kernel
+RUN = 8  # points that a work item of a GPU takes
+
 Floats = NDArray[np.float64]
 
 
@@ -33,7 +36,10 @@ class Sampler:
 
     def launch(self, x: Buffer, y: Buffer, z: Buffer, n: int, out: Buffer) -> None:
         """Write the values (n) at places that are on the device, mm from ``middle``."""
-        self.device.launch("resample.trilinear", n, self.samples, *self.shape, self.to_index, x, y, z, 0.0, 1, n, out)
+        run = 1 if self.device.cores else RUN
+        items = n if self.device.cores else -(-n // (TILE * RUN)) * TILE
+        sampled = (self.samples, *self.shape, self.to_index, x, y, z)
+        self.device.launch("resample.trilinear", items, *sampled, 0.0, 1, run, n, out)
 
     def at(self, points: ArrayLike) -> Floats:
         """Values (s,) at points (s, 3), LPS mm."""

@@ -50,6 +50,10 @@ class Device(Protocol):
     def get(self, buffer: Buffer) -> NDArray[Any]:
         """Download a buffer with the shape it was made with."""
 
+    def copy(self, source: Buffer, target: Buffer) -> None:
+        """Copy a buffer to one of the same shape and type on the device, as its driver does."""
+        ...
+
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run ``"file.kernel"`` over ``dim`` work items, the last dimension fastest.
 

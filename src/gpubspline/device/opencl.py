@@ -113,6 +113,11 @@ class OpenCLDevice:
             self._opencl.enqueue_copy(self._queue, values, buffer.memory)
         return values
 
+    def copy(self, source: OpenCLBuffer, target: OpenCLBuffer) -> None:
+        """Copy a buffer to one of the same shape and type."""
+        count = source.size * source.dtype.itemsize
+        self._opencl.enqueue_copy(self._queue, target.memory, source.memory, byte_count=count)
+
     def _map(self, buffer: OpenCLBuffer, flags: int) -> NDArray[Any]:
         if not buffer.size:
             return np.empty(0, buffer.dtype)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,17 @@ def _cuda_driver() -> bool:
 
 
 CPU_LANES = (32, 8, 1)  # the most that a row holds
+GPU_BLOCK = 256  # threads of a GPU that share a cache
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A kernel, whether it takes ``lanes``, how many a row may be cut into, and which arguments are lane arrays."""
+
+    function: Any
+    wide: bool
+    counts: tuple[int, ...]
+    positions: tuple[int, ...]
 
 
 class WarpDevice:
@@ -64,9 +76,9 @@ class WarpDevice:
         self.on_build: Callable[[str], None] = quietly
         self._real = warp.float64 if real == np.float64 else warp.float32
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        lanes = importlib.import_module("gpubspline.kernels.lanes")
-        self._lane_arrays = (lanes.LaneArray, lanes.IntLaneArray)
+        self._found: dict[str, _Found] = {}
         self._overloads: dict[Any, Any] = {}
+        self.block = 1 if self._device.is_cpu else GPU_BLOCK
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
         self.cores = self._threads if self._device.is_cpu else 0
 
@@ -100,26 +112,38 @@ class WarpDevice:
         """Download."""
         return np.asarray(buffer.numpy())
 
+    def copy(self, source: Any, target: Any) -> None:
+        """Copy a buffer to one of the same shape and type."""
+        self._warp.copy(target, source)
+
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel, in vectors of lanes where it is written so; see ``kernels/lanes.py``."""
-        module, name = find_kernel(kernel)
-        home = importlib.import_module(module)
-        function = getattr(home, name)
-        shape = (dim,) if isinstance(dim, int) else tuple(int(n) for n in dim)
+        found = self._found.get(kernel) or self._find(kernel)
+        shape = (dim,) if isinstance(dim, int) else tuple(map(int, dim))
         if 0 in shape:
             return
         lanes, last = 1, []
-        if function.adj.args[-1].label == "lanes":
-            if self._device.is_cpu:
-                lanes = next(count for count in self._cpu_lanes(home) if shape[-1] >= count)
+        if found.wide:
+            lanes = next(count for count in found.counts if shape[-1] >= count)
             shape, last = (*shape[:-1], -(-shape[-1] // lanes)), [lanes]
-        inputs = self._in_lanes(function, [self._argument(value) for value in args], lanes)
-        self._launch_shares(kernel, function, shape, inputs, last)
+        inputs = [self._argument(value) for value in args]
+        for position in found.positions:
+            inputs[position] = self._in_lanes(inputs[position], lanes)
+        self._launch_shares(kernel, found.function, shape, inputs, last)
 
-    def _cpu_lanes(self, module: Any) -> tuple[int, ...]:
-        """What a row may be cut into; by ``REGISTER`` a module of kernels wants vectors of so many bytes."""
-        register = getattr(module, "REGISTER", None)
-        return (register // self.real.itemsize, 8, 1) if register else CPU_LANES
+    def _find(self, kernel: str) -> _Found:
+        """Look a kernel up, once; by ``REGISTER`` a module of kernels wants vectors of so many bytes on a CPU."""
+        module, name = find_kernel(kernel)
+        home = importlib.import_module(module)
+        function, lanes = getattr(home, name), importlib.import_module("gpubspline.kernels.lanes")
+        register, kinds = getattr(home, "REGISTER", None), (lanes.LaneArray, lanes.IntLaneArray)
+        counts = (register // self.real.itemsize, 8, 1) if register else CPU_LANES
+        arguments = function.adj.args
+        positions = tuple(n for n, each in enumerate(arguments) if any(each.type is kind for kind in kinds))
+        wide = arguments[-1].label == "lanes"
+        found = _Found(function, wide, counts if self._device.is_cpu else (1,), positions)
+        self._found[kernel] = found
+        return found
 
     def _launch_shares(
         self, kernel: str, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]
@@ -130,7 +154,8 @@ class WarpDevice:
         def run(share: int) -> None:
             start, stop = shape[0] * share // shares, shape[0] * (share + 1) // shares
             part = (stop - start, *shape[1:])
-            self._warp.launch(self._overloads[kinds], part, inputs=[*inputs, start, *last], device=self._device)
+            every = [*inputs, start, *last]
+            self._warp.launch(self._overloads[kinds], part, every, device=self._device, block_dim=self.block)
 
         started = 0
         kinds = (function, *(getattr(value, "dtype", type(value)) for value in inputs))
@@ -150,21 +175,16 @@ class WarpDevice:
         types = [value if isinstance(value, self._warp.array) else type(value) for value in inputs]
         return self._warp.overload(function, types) if function.is_generic else function
 
-    def _in_lanes(self, function: Any, inputs: list[Any], lanes: int) -> list[Any]:
-        """See each lane array as overlapping vectors, one from every element on."""
-        seen = list(inputs)
-        for position, argument in enumerate(function.adj.args[: len(inputs)]):
-            if any(argument.type is kind for kind in self._lane_arrays):
-                flat = inputs[position]
-                seen[position] = self._warp.array(
-                    ptr=flat.ptr,
-                    dtype=self._warp.types.vector(lanes, flat.dtype),
-                    shape=(flat.size,),
-                    strides=flat.strides,
-                    device=self._device,
-                    capacity=flat.capacity,
-                )
-        return seen
+    def _in_lanes(self, flat: Any, lanes: int) -> Any:
+        """See an array as overlapping vectors, one from every element on."""
+        return self._warp.array(
+            ptr=flat.ptr,
+            dtype=self._warp.types.vector(lanes, flat.dtype),
+            shape=(flat.size,),
+            strides=flat.strides,
+            device=self._device,
+            capacity=flat.capacity,
+        )
 
     def _argument(self, value: Any) -> Any:
         if isinstance(value, self._warp.array):

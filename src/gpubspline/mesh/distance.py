@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
+from gpubspline.ct.sampler import Sampler
 from gpubspline.device import Device
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -101,14 +102,7 @@ def sample_distance(region: Region, points: Floats, device: Device) -> Floats:
     middle = points.mean(axis=0)  # float32 keeps its digits for the distance to the middle, not to the scanner
     to_index = np.linalg.inv(region.affine)[:3].copy()
     to_index[:, 3] += to_index[:, :3] @ middle
-    planes = [device.put(plane) for plane in np.ascontiguousarray((points - middle).T)]
-    result = device.empty(len(points))
-    volume = device.put(region.distance_mm)
-    matrix = device.put(to_index)
-    device.launch(
-        "resample.trilinear", len(points), volume, n_i, n_j, n_k, matrix, *planes, 0.0, 1, len(points), result
-    )
-    return np.asarray(device.get(result), dtype=np.float64)
+    return Sampler(device, middle, device.put(region.distance_mm), (n_i, n_j, n_k), device.put(to_index)).at(points)
 
 
 def _outside_scan(region: Region, points: Floats, flat: NDArray[np.bool_]) -> Floats:

@@ -13,6 +13,9 @@ from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.shown import shown
 
+COLUMN_CELLS = 64  # along w, along which a work item of a GPU goes
+TILE = 32  # of a GPU, as in its kernel
+TILE_ROWS = 4
 WORST = 10
 """How many of the worst elements a ``Quality`` names."""
 
@@ -40,6 +43,11 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     result = device.empty(mesh.n_elements)
     points = _put_points(mesh, device, structure.corner_nodes(mesh.element, mesh.structure))
     launched = structure.element_counts(mesh.structure)[::-1]
+    if kind == "hex" and not device.cores:
+        n_w, n_v, n_u = launched
+        items = (-(-n_w // COLUMN_CELLS), -(-n_v // (2 * TILE_ROWS)) * -(-n_u // TILE) * TILE_ROWS * TILE)
+        device.launch("structured_quality.hex_columns", items, *points, *mesh.structure, COLUMN_CELLS, result)
+        return np.asarray(device.get(result))
     kernel = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
     device.launch(kernel, launched, *points, *mesh.structure, result)
     return np.asarray(device.get(result))
