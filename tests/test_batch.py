@@ -87,7 +87,7 @@ def test_six_models_two_failures_and_nothing_to_do(run: Command, manifest: Path,
 
 def test_columns_are_the_options() -> None:
     known = columns()
-    assert known["threshold"] == known["load"] == known["law"] == "text"
+    assert known["threshold"] == known["load"] == "text" and known["law"] == "texts"
     assert known["mask"] == "file" and known["picture"] == known["output"] == "new file"
     assert known["allow-gaps"] == "flag" and not {"summary", "device", "quiet", "backend", "help"} & known.keys()
 

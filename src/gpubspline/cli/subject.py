@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ def columns() -> dict[str, str]:
 @cache
 def _options(command: str) -> dict[str, Any]:
     """Options of a command by name, as Typer gives them to Click."""
+    import_module(f"gpubspline.cli.commands.{command}")  # which joins it to the application
     group: Any = typer.main.get_command(app)
     return {_name(option): option for option in group.commands[command].params if option.opts[0].startswith("--")}
 

@@ -241,25 +241,35 @@ def _few_round(hexes: Movable, x: Buffer, floor: float, effort: Effort) -> NDArr
     return near if 0 < near.mean() <= effort.few else None
 
 
-def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:
+def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> list[Placed]:
     """Climb again and again, asking for more and for less and with edges freer to stretch, while that gains.
 
     What stops one descent, a few hexes that give way to each other, often does not stop the next. Before, creep where
     no floor was reached at all.
+
+    Returns
+    -------
+    what was given and what was reached after it, each better than the one before.
     """
+    reached = [best]
+
+    def keep(made: Placed) -> None:
+        if made.least > reached[-1].least:
+            reached.append(made)
+
     if 0 < best.least < LOW:
-        best = creep(hexes, colours, best, effort)
-        if best.least >= LOW:
-            return best
+        keep(creep(hexes, colours, best, effort))
+        if reached[-1].least >= LOW:
+            return reached
     for _ in range(ROUNDS):
-        before = best.least
+        before = reached[-1].least
         for ahead, edges in TURNS:
-            if best.least >= min(effort.goal, ENOUGH):
-                return best
-            best = climb(hexes, colours, best, replace(effort, ahead=ahead, edges=edges))
-        if best.least < before + GAIN:
+            if reached[-1].least >= min(effort.goal, ENOUGH):
+                return reached
+            keep(climb(hexes, colours, reached[-1], replace(effort, ahead=ahead, edges=edges)))
+        if reached[-1].least < before + GAIN:
             break
-    return best
+    return reached
 
 
 def creep(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) -> Placed:

@@ -5,18 +5,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device
+from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.carry import carry_fields
 from gpubspline.mesh.colouring import colour_nodes
 from gpubspline.mesh.grading import graded
 from gpubspline.mesh.improve import ANY_LENGTH, Effort, climb, copy, improve, persist, placed
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.movable import FIXED, movable
+from gpubspline.mesh.movable import FIXED, Movable, movable
 from gpubspline.mesh.neighbourhood import edge_lengths
 from gpubspline.mesh.own_surface import cuts_for, hold
 from gpubspline.mesh.pieces import bilinear
 from gpubspline.mesh.quality import scaled_jacobian
+from gpubspline.mesh.validity import certify
 from gpubspline.spline.hyperpatch import Hyperpatch
 from gpubspline.surface.nearest import finder
 
@@ -74,7 +75,8 @@ def optimize(
 
     Returns
     -------
-    the mesh, never worse than the one given, and what was done.
+    the mesh, never worse than the one given, and what was done. Of what is reached on the way the best is taken whose
+    hexes are certified throughout, if any is.
 
     Raises
     ------
@@ -143,11 +145,18 @@ class _Start:
         colours = colour_nodes(mesh.cells, mesh.n_nodes)
         as_it_is = climb(hexes, colours, placed(hexes, copy(hexes, x), held.slack), effort)
         best = improve(hexes, colours, x, held.slack, effort)
-        best = persist(hexes, colours, best if best.least > as_it_is.least else as_it_is, effort)
-        hexes.slide(best.x)
-        moved = np.array(device.get(hexes.slid(best.x))).reshape(3, -1).T.astype(np.float64)
-        moved = np.where((held.slack < 0)[:, None], mesh.points, moved * self.unit + self.middle)
-        return moved, best.least
+        reached = persist(hexes, colours, best if best.least > as_it_is.least else as_it_is, effort)
+        for one in reversed(reached):  # the last whose hexes are valid throughout, not at their corners alone
+            places = self._places(hexes, one.x)
+            if mesh.element.dimension < 3 or certify(_bare(mesh, places), device).certificate.valid:
+                return places, one.least
+        return self._places(hexes, reached[-1].x), reached[-1].least
+
+    def _places(self, hexes: Movable, x: Buffer) -> Floats:
+        """Places (n, 3), mm, of nodes x."""
+        hexes.slide(x)
+        moved = np.array(self.device.get(hexes.slid(x))).reshape(3, -1).T.astype(np.float64)
+        return np.where((self.held.slack < 0)[:, None], self.mesh.points, moved * self.unit + self.middle)
 
     def off_surface(self, points: Floats) -> float:
         """Farthest, mm, that nodes of the surface at points (n, 3) lie from it."""
@@ -171,6 +180,11 @@ def _sampled(mesh: Mesh, patch: Hyperpatch, parameters: Floats, device: Device) 
     flat[:, 0] = 1 - flat[:, 0] if far[1] < far[0] else flat[:, 0]
     found = patch.evaluate_points(flat, device)[:, :3]
     return found.reshape(*parameters.shape[:-1], 3).astype(np.float64)
+
+
+def _bare(mesh: Mesh, points: Floats) -> Mesh:
+    """The elements alone, of other places."""
+    return Mesh(points.astype(mesh.points.dtype), mesh.element_type, connectivity=mesh.cells)
 
 
 def _moved(mesh: Mesh, points: Floats) -> Mesh:
