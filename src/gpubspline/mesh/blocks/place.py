@@ -26,6 +26,11 @@ ROUNDS = 3
 back four fifths of it.
 """
 
+SLOW = 0.5
+"""Share of what lacked before one round, above which it is no longer faces that cut it off but parts without hexes: to
+go on would blow up the hexes that there are.
+"""
+
 STEPS = 20
 """Most steps of descent of all hexes where they are placed again, near to where they were."""
 
@@ -93,10 +98,13 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
 def _straightened(holding: Holding, settled: PlacedOn, phi: Field, effort: Effort) -> PlacedOn:
     """Move what holds the nodes by how far the faces between them lie off, round after round while that is much."""
     volume, wanted, several = volume_inside(phi), bulged(phi), bool(holding.interfaces)
+    before = np.inf
     for _ in range(1 if several else ROUNDS):
         chords = measure_chords(settled.points, holding.hexes.quads, phi, volume)
-        if abs(chords.volume) <= FEW * volume and not several:
+        lacking = abs(chords.volume)
+        if not several and (lacking <= FEW * volume or lacking > SLOW * before):
             break
+        before = lacking
         wanted = chords.added_to(wanted)
         settled = _settled_again(holding, settled, wanted, effort)
     return settled
