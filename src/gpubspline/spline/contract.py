@@ -79,7 +79,7 @@ def _contract_columns(
     each = [
         value for basis, degree in zip(bases[1:], degrees[1:], strict=True) for value in (*basis[:2], degree, basis[2])
     ]
-    device.launch("patch.contract_columns", items, source, n_v, n_w, inner, *each, planes, target)
+    device.launch("columns.contract_columns", items, source, n_v, n_w, inner, *each, planes, target)
     return target, count
 
 
@@ -106,7 +106,7 @@ def _contract_solid(
     scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
     each = [value for basis, degree in zip(bases, degrees, strict=True) for value in (*basis[:2], degree, basis[2])]
     arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, n_planes, item_size, scratch, scratch, target)
-    device.launch("patch.contract_solid", (items, 1, counts[0]), *arguments)
+    device.launch("bands.contract_solid", (items, 1, counts[0]), *arguments)
     return target, prod(counts)
 
 

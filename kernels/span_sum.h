@@ -1,0 +1,18 @@
+// Sums over the degree + 1 functions of a knot span, written out for each degree: weights stay in registers then.
+
+#define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_out] : 0)
+#define SUM_1(w, term) (w##0 * term(0) + w##1 * term(1))
+#define SUM_2(w, term) (SUM_1(w, term) + w##2 * term(2))
+#define SUM_3(w, term) (SUM_2(w, term) + w##3 * term(3))
+#define SUM_4(w, term) (SUM_3(w, term) + w##4 * term(4))
+#define SUM_5(w, term) (SUM_4(w, term) + w##5 * term(5))
+
+// Calls what is defined for each degree by its number.
+#define FOR_DEGREE(call)       \
+    switch (degree) {          \
+    case 1: { call(1) } break; \
+    case 2: { call(2) } break; \
+    case 3: { call(3) } break; \
+    case 4: { call(4) } break; \
+    case 5: { call(5) } break; \
+    }

@@ -1,0 +1,11 @@
+"""The weights of a sum over the degree + 1 functions of a knot span. The OpenCL twin of this is ``span_sum.h``."""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def weight(values: wp.array(dtype=Any), a: wp.int32, degree: wp.int32, at: wp.int32, n_out: wp.int32):
+    """Value of function a of a span, 0 for those that a lower degree has not."""
+    return wp.where(a <= degree, values[wp.min(a, degree) * n_out + at], values.dtype(0.0))
