@@ -100,6 +100,24 @@ def test_what_is_refused(run: Command, bar: dict[str, Path], tmp_path: Path, giv
     assert status == 2 and message in err and err.count("\n") == 1 and not list(tmp_path.iterdir())
 
 
+def test_labels_of_one_name(run: Command, bar: dict[str, Path], tmp_path: Path) -> None:
+    """Laws go by number then, and sets, decks and figures tell the two apart."""
+    image = sitk.ReadImage(bar["labels"])
+    for place, number in enumerate((3, 7)):
+        for key, value in {"ID": f"Segment_{place}", "LabelValue": str(number), "Name": "bone", "Layer": "0"}.items():
+            image.SetMetaData(f"Segment{place}_{key}", value)
+    named, summary, deck = tmp_path / "named.seg.nrrd", tmp_path / "s.json", tmp_path / "m.inp"
+    sitk.WriteImage(image, named)
+    laws = ["--law", TITANIUM, "--law", "3=keyak-1998"]
+    given = [bar["ct"], "--mask", named, "--labels", named, *laws, *SMALL]
+    status, _, err = run("mesh", *given, "-o", deck, "--summary", summary)
+    assert status == 0, err
+    parts = json.loads(summary.read_text())["law_by_label"]
+    found = {part["set"]: (part["label"], part["law"]["name"].partition(":")[0]) for part in parts}
+    assert found == {"bone": (3, "keyak-1998"), "bone_7": (7, "constant")}
+    assert "of the set bone: keyak-1998" in deck.read_text() and "of the set bone_7: constant" in deck.read_text()
+
+
 def test_labels_are_needed(run: Command, bar: dict[str, Path], tmp_path: Path) -> None:
     given = [bar["ct"], "--mask", bar["labels"], "--law", TITANIUM]
     status, _, err = run("mesh", *given, *SMALL, "-o", tmp_path / "m.vtu")

@@ -15,7 +15,7 @@ from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
-from gpubspline.mesh.label_sets import labels_round, with_label_sets
+from gpubspline.mesh.label_sets import labels_round, set_of_label, with_label_sets
 from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.optimize import optimize
@@ -88,7 +88,7 @@ def finish(
             sampling, calibrated = calibrate(sampling, body)
             law, scan = sampling.law, _scan(sampling, body)
             mesh, alarms = assign(mesh, law, device=device, **scan)
-            of_set = _law_of_set(scan["by_label"], alarms, body)
+            of_set = _law_of_set(scan["by_label"], alarms, mesh)
     with clock.stage("quality"):
         mesh, quality = assess(mesh, device)
         certificate = certify(mesh, device).certificate if mesh.element.dimension == 3 else None
@@ -139,12 +139,10 @@ def label_arrays(sampling: Sampling, body: Body) -> list[NDArray[np.int32]]:
     return [labels_round(body.region.mask, body.volume, body.labels, body.whole)]
 
 
-def _law_of_set(by_label: dict[int, Law], alarms: Alarms, body: Body | None) -> dict[str, Law]:
+def _law_of_set(by_label: dict[int, Law], alarms: Alarms, mesh: Mesh) -> dict[str, Law]:
     """Laws of labels that elements have, by their element sets."""
-    if body is None or body.labels is None:
-        return {}
     met = [share["label"] for share in alarms.by_label if share["label"]]
-    return {body.labels.names[number] or f"label_{number}": by_label[number] for number in met}
+    return {set_of_label(mesh, number): by_label[number] for number in met}
 
 
 def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrated | None]:

@@ -10,7 +10,8 @@ import pytest
 from foreign import table
 from foreign.nastran import interpreter
 from gpubspline.export import formats, write
-from gpubspline.export.deck import DEFAULT_BINS, Wanted, make_deck
+from gpubspline.export.deck import Wanted, make_deck
+from gpubspline.export.deck_material import DEFAULT_BINS
 from gpubspline.export.modulus_table import LOOSEST
 from gpubspline.export.units import UNITS
 

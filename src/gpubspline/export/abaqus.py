@@ -15,8 +15,9 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.export.deck import Deck, NodalTable
+from gpubspline.export.deck import Deck
 from gpubspline.export.deck_loads import DeckLoads
+from gpubspline.export.deck_material import NodalTable
 from gpubspline.export.formats import Format
 from gpubspline.export.rows import REAL, texts, write_cells, write_members, write_reals, write_rows
 from gpubspline.files import whole_file

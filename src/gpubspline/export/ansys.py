@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.export.columns import Fixed, write_lines
-from gpubspline.export.deck import Deck, NodalTable
+from gpubspline.export.deck import Deck
 from gpubspline.export.deck_loads import DeckLoads
+from gpubspline.export.deck_material import NodalTable
 from gpubspline.export.formats import Format
 from gpubspline.export.rows import REAL, chunks
 from gpubspline.files import whole_file

@@ -18,6 +18,9 @@ from gpubspline.mesh.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
+NO_FORCE = 1e-9
+"""Of all forces' sizes together: a sum of less is what they lose in rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Faces:
@@ -61,6 +64,12 @@ class DeckLoads:
     all_forces: Floats
     pressures: tuple[tuple[str, float], ...] = ()
     gravity: Floats | None = None
+
+    @property
+    def total_n(self) -> Floats:
+        """(3,) sum of the nodal forces of all loads, N."""
+        total = self.all_forces.sum(axis=0)
+        return np.where(np.abs(total) > NO_FORCE * np.abs(self.all_forces).sum(), total, 0.0)
 
     def supports(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_], Floats]]:
         """Nodes (k,) held alike: which components (3,), and where (3,)."""

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.export.deck import Deck, Section
+from gpubspline.export.deck import Deck
+from gpubspline.export.deck_material import Section
 from gpubspline.export.formats import Format
 from gpubspline.files import whole_file
 from gpubspline.mesh.mesh import Mesh

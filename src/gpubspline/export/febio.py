@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from gpubspline.errors import InputError
 from gpubspline.export.appended import xml_comment
 from gpubspline.export.columns import write_labels, write_lines
-from gpubspline.export.deck import Deck, Section
+from gpubspline.export.deck import Deck
 from gpubspline.export.deck_loads import DeckLoads
+from gpubspline.export.deck_material import Section
 from gpubspline.export.formats import Format
 from gpubspline.export.rows import REAL, chunks
 from gpubspline.files import whole_file

@@ -53,6 +53,12 @@ def set_name(labels: Labels, number: int, taken: dict[str, Any]) -> str:
     return name if name not in taken else f"{name}_{number}"
 
 
+def set_of_label(mesh: Mesh, number: int) -> str:
+    """Name of the element set of the elements that have a label, which some must."""
+    members = np.flatnonzero(mesh.cell_fields["label"] == number)
+    return next(name for name, own in mesh.element_sets.items() if np.array_equal(np.sort(own), members))
+
+
 def label_map(labels: Labels, numbers: list[int], volume: Volume) -> NDArray[np.int16]:
     """Position (n_k, n_j, n_i) of each voxel's label in ``numbers``, from 1; 0 for none."""
     found = np.zeros(volume.hu.shape, dtype=np.int16)
