@@ -6,6 +6,7 @@ With ``AS_GPU=1`` the CPU is used as a GPU is, without lanes, without padding an
 
 import os
 import tempfile
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ warp.config.kernel_cache_dir = os.path.join(tempfile.gettempdir(), "gpubspline-b
 
 
 def _as_gpu(device: Any) -> None:
-    make = device.__init__
+    make, find = device.__init__, device._find
 
     def made(self: Any, *args: Any) -> None:
         make(self, *args)
@@ -30,7 +31,11 @@ def _as_gpu(device: Any) -> None:
         kind = self._warp.dtype_from_numpy(np.dtype(self.real if dtype is None else dtype))
         return self._warp.empty(int(np.prod(shape, dtype=np.int64)), dtype=kind, device=self._device).reshape(shape)
 
-    device.__init__, device.empty, device._cpu_lanes = made, unpadded, lambda self, module: (1,)
+    def by_one(self: Any, kernel: str) -> Any:
+        self._found[kernel] = replace(find(self, kernel), counts=(1,))
+        return self._found[kernel]
+
+    device.__init__, device.empty, device._find = made, unpadded, by_one
 
 
 if os.environ.get("AS_GPU"):

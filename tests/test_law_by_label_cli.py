@@ -83,6 +83,7 @@ def test_deck_report_and_summary(
     [
         (["--law", "5=keyak-1998"], "one of the labels 3, 7 of labels.nii.gz, got 5"),
         (["--law", "7=hooke"], "material law of wirtz-2000"),
+        (["--law", ""], "material law of wirtz-2000"),
         (["--law", "7="], "expected --law LABEL=LAW, got '7='"),
         (["--law", "7=keyak-1998", "--law", "7=constant:E=1,nu=0"], "one --law for the label 7"),
         (["--law", "7=keyak-1998", "--law", "07=constant:E=1,nu=0"], "one law for the label 7 of labels.nii.gz"),

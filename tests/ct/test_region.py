@@ -171,6 +171,18 @@ def test_box_holds_the_mask_and_no_more():
     assert region.shape == (30, 20, 12)
 
 
+def test_outermost_centres_reach_as_far_as_all_do():
+    """In a sheared scan, along any direction."""
+    rng = np.random.default_rng(0)
+    mask, affine = rng.random((7, 9, 11)) < 0.1, np.eye(4)
+    affine[:3] = rng.normal(size=(3, 4))
+    region = Region(mask, np.where(mask, -1, 1).astype(np.float32), affine)
+    inside = np.argwhere(mask)[:, ::-1] @ affine[:3, :3].T + affine[:3, 3]
+    ways = rng.normal(size=(3, 50))
+    np.testing.assert_allclose((region.outermost_mm @ ways).max(axis=0), (inside @ ways).max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(region.centroid_mm, inside.mean(axis=0), rtol=1e-12)
+
+
 def test_head_region_is_the_one_simpleitk_finds(data):
     """Same voxels as SimpleITK's pipeline; volume within 1 % of its voxel count, less half a slice at each end."""
     volume = read_volume(data / "head" / "ct_example.nii.gz")

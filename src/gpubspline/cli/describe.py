@@ -59,8 +59,8 @@ def body_lines(body: Body) -> list[str]:
     ``body``: of a CT, see ``segment.find_body``.
     """
     region, volume, threshold = body.region, body.volume, body.threshold_hu
-    inside = region.affine[:3, :3] @ np.array(np.nonzero(region.mask))[::-1] + region.affine[:3, 3:]
-    lines = [_extent(inside.min(axis=1), inside.max(axis=1)) + " LPS", f"volume     {region.volume_mm3:,.0f} mm3"]
+    ends = region.outermost_mm
+    lines = [_extent(ends.min(axis=0), ends.max(axis=0)) + " LPS", f"volume     {region.volume_mm3:,.0f} mm3"]
     if threshold is not None and volume is not None:
         above = volume.hu >= threshold
         apart = np.count_nonzero(above & ~region.mask) / np.count_nonzero(above)

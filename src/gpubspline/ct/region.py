@@ -110,8 +110,18 @@ class Region:
     @cached_property
     def centroid_mm(self) -> Floats:
         """(3,) mean of the voxel centres inside, LPS mm."""
-        k, j, i = (index.mean() for index in np.nonzero(self.mask))
-        return np.asarray(self.affine[:3, :3] @ np.array([i, j, k]) + self.affine[:3, 3])
+        counts = (np.count_nonzero(self.mask, axis=others) for others in ((0, 1), (0, 2), (1, 2)))
+        middle = [np.arange(count.size) @ count / count.sum() for count in counts]
+        return np.asarray(self.affine[:3, :3] @ middle + self.affine[:3, 3])
+
+    @property
+    def outermost_mm(self) -> Floats:
+        """(n, 3) centres, LPS mm, of the first and of the last voxel inside of each row: no other lies farthest out."""
+        k, j = np.nonzero(self.mask.any(axis=2))
+        rows = self.mask[k, j]
+        ends = (rows.argmax(axis=1), rows.shape[1] - 1 - rows[:, ::-1].argmax(axis=1))
+        indices = np.concatenate([np.stack([i, j, k], axis=1) for i in ends])
+        return np.asarray(indices @ self.affine[:3, :3].T + self.affine[:3, 3])
 
 
 def otsu_threshold(volume: Volume) -> float:

@@ -111,7 +111,7 @@ def _caption(volume: Volume, view: dict[str, Any], n: int) -> str:
 
 def _draw_histogram(axes: Axes, volume: Volume, region: Region) -> None:
     """Draw how many voxels have which HU, of all and of the region."""
-    step = max(1, volume.hu.size // MOST_COUNTED)
+    step = volume.hu.size // MOST_COUNTED | 1  # odd, so that columns of even rows come in turn
     all_hu, inside = volume.hu.ravel()[::step], region.mask.ravel()[::step]
     edges = np.histogram_bin_edges(all_hu, BINS, (float(all_hu.min()), max(float(all_hu.max()), all_hu.min() + 1.0)))
     for hu, colour, name in ((all_hu, "#c9ced6", "all voxels"), (all_hu[inside], OUTLINE, "inside the outline")):

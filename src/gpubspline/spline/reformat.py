@@ -103,9 +103,8 @@ def _beyond(indices: Floats, region: Region) -> Floats:
 
 def _turned_grid(region: Region, low: NDArray[Any], high: NDArray[Any]) -> tuple[Floats, tuple[int, int, int]]:
     """Affine of (u, v, w) and shape (w, v, u) of an isotropic grid along the principal axis, around the region."""
-    points = _row_ends(region, low, high)
     axes = _principal_axes(region, low, high)
-    extents = points @ axes
+    extents = region.outermost_mm @ axes
     least, most = extents.min(axis=0), extents.max(axis=0)
     spacing = float(np.linalg.norm(region.affine[:3, :3], axis=0).min())
     spacing = max(spacing, float(np.prod(most - least) / LARGEST_GRID) ** (1 / 3))
@@ -115,17 +114,6 @@ def _turned_grid(region: Region, low: NDArray[Any], high: NDArray[Any]) -> tuple
     affine[:3, :3] = axes * spacing
     affine[:3, 3] = axes @ (least - margin)
     return affine, (int(counts[2]), int(counts[1]), int(counts[0]))
-
-
-def _row_ends(region: Region, low: NDArray[Any], high: NDArray[Any]) -> Floats:
-    """LPS millimetres of the first and last inside voxel of each image row: the hull is among them."""
-    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    inside = region.distance_mm[window] < 0
-    k, j = np.nonzero(inside.any(axis=2))
-    rows = inside[k, j]
-    ends = (rows.argmax(axis=1), rows.shape[1] - 1 - rows[:, ::-1].argmax(axis=1))
-    indices = np.concatenate([np.stack([i, j, k], axis=1) for i in ends]) + low[::-1]
-    return np.asarray(indices @ region.affine[:3, :3].T + region.affine[:3, 3])
 
 
 def _principal_axes(region: Region, low: NDArray[Any], high: NDArray[Any]) -> Floats:

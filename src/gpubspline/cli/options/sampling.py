@@ -120,5 +120,5 @@ class SamplingOptions:
                 rest = name
             else:
                 given[label] = name
-        law = find_law(rest or DEFAULT_LAW)
+        law = find_law(DEFAULT_LAW if rest is None else rest)
         return law, {label: find_law(name).beside(law) for label, name in given.items()}

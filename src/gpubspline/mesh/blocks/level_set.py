@@ -148,18 +148,9 @@ def lattice_cells(region: Region, size_mm: float, rotation: Floats) -> tuple[int
 
 def _extent(region: Region, rotation: Floats) -> tuple[Floats, Floats]:
     """Least and greatest coordinate of the voxels inside along each lattice axis, mm."""
-    ends = _outermost(region.mask)
-    along = (ends @ region.affine[:3, :3].T + region.affine[:3, 3]) @ rotation
+    along = region.outermost_mm @ rotation
     reach = np.abs(rotation.T @ region.affine[:3, :3]).sum(axis=1)  # the boundary lies within a voxel
     return along.min(axis=0) - reach, along.max(axis=0) + reach
-
-
-def _outermost(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Indices (n, 3) i, j, k of the first and the last voxel of each row: no other can lie farthest out."""
-    k, j = np.nonzero(mask.any(axis=2))
-    rows = mask[k, j]
-    first, last = rows.argmax(axis=1), mask.shape[2] - 1 - rows[:, ::-1].argmax(axis=1)
-    return np.concatenate([np.stack([i, j, k], axis=1) for i in (first, last)])
 
 
 def level_set(
