@@ -2,6 +2,7 @@
 
 import gc
 import importlib
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -88,6 +89,22 @@ def test_precision_is_one_of_two() -> None:
 def test_what_does_not_fit_is_a_memory_error(device: Device) -> None:
     with pytest.raises(MemoryError, match="no room"):
         device.empty(1 << 52)
+
+
+def test_what_a_gpu_finds_no_room_for_later_is_a_memory_error() -> None:
+    """Drivers reserve a buffer's memory when the first command uses it."""
+    opencl = pytest.importorskip("pyopencl")
+    device = copy(open_device("opencl"))
+
+    def refused(*_: Any) -> None:
+        raise opencl.MemoryError("clEnqueueNDRangeKernel failed: MEM_OBJECT_ALLOCATION_FAILURE")
+
+    arguments = (*(device.put(np.ones(1)) for _ in range(2)), 1, 1, device.empty(1))
+    device.launch("vectors.product", 1, *arguments)
+    found = {name: replace(kernel, function=refused) for name, kernel in device._kernels.items()}
+    device.__dict__.update(_kernels=found)
+    with pytest.raises(MemoryError, match=f"{re.escape(device.label)} has no room .* MEM_OBJECT_ALLOCATION_FAILURE"):
+        device.launch("vectors.product", 1, *arguments)
 
 
 def test_buffers_come_back_as_they_went(any_device: Device) -> None:

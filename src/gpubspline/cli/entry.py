@@ -41,8 +41,9 @@ def run() -> None:
         _fail(str(error))
     except OSError as error:
         _fail(f"cannot use {error.filename}: {error.strerror}" if error.filename else str(error))
-    except MemoryError:
-        _fail("not enough memory: ask for fewer nodes, or crop the CT with --box")
+    except MemoryError as error:
+        where = f" ({error})" if str(error) else ""
+        _fail(f"not enough memory{where}: ask for fewer nodes, or crop the CT with --box")
     if status == INTERRUPTED:  # which Typer makes of an interrupt, without a word
         _fail("interrupted", INTERRUPTED)
     raise SystemExit(status if isinstance(status, int) else 0)

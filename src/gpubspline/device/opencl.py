@@ -4,7 +4,7 @@ import re
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 from typing import Any
 
@@ -20,7 +20,8 @@ CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0 in some files
 WIDE_LANES = 16  # in files that say so: as many floats as a vector of AVX-512 holds
 WIDE = "// WIDE\n"
 CPU_RUN = 128  # vectors of the fastest dimension that a work item takes on a CPU
-GPU_GROUP = 64
+GPU_GROUP = 256  # work items of a GPU that share a cache
+GPU_ROW = 32  # that go along together, whether or not there is work for all of them
 INCLUDE = re.compile(r'^#include "(\w+)\.h"$', re.MULTILINE)  # of gpubspline.kernels, wherever that is installed
 SIGNATURE = re.compile(r"__kernel\s+(__attribute__\(\(vec_type_hint\(realv\)\)\)\s+)?void\s+(\w+)\s*\(([^)]*)\)")
 
@@ -49,6 +50,16 @@ class OpenCLBuffer:
         return int(np.prod(self.shape, dtype=np.int64))
 
 
+@dataclass(frozen=True)
+class _Found:
+    """A kernel, the lanes that it is written in, else 0, the group it asks for, and the most work items of one."""
+
+    function: Any
+    lanes: int
+    group: tuple[int, ...] | None
+    most: int
+
+
 class OpenCLDevice:
     """One OpenCL device. On a CPU, buffers are mapped into host memory and nothing is copied on the way back."""
 
@@ -72,7 +83,7 @@ class OpenCLDevice:
         self._queue = opencl.CommandQueue(self._context)
         # a process that ends, interrupted perhaps, while PoCL's threads still run a kernel crashes in them
         weakref.finalize(self, self._queue.finish)
-        self._kernels: dict[str, tuple[Any, int]] = {}
+        self._kernels: dict[str, _Found] = {}
 
     def put(self, array: Any) -> OpenCLBuffer:
         """Upload, the last index fastest; what is on an OpenCL device already comes back as it is."""
@@ -83,7 +94,7 @@ class OpenCLDevice:
         if self._is_cpu:
             self._map(buffer, self._opencl.map_flags.WRITE).reshape(values.shape)[...] = values
         elif values.size:
-            self._opencl.enqueue_copy(self._queue, buffer.memory, np.ascontiguousarray(values, dtype=buffer.dtype))
+            self._enqueue(self._opencl.enqueue_copy, buffer.memory, np.ascontiguousarray(values, dtype=buffer.dtype))
         return buffer
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> OpenCLBuffer:
@@ -110,13 +121,13 @@ class OpenCLDevice:
             return self._map(buffer, self._opencl.map_flags.READ).reshape(buffer.shape)
         values = np.empty(buffer.shape, buffer.dtype)
         if values.size:
-            self._opencl.enqueue_copy(self._queue, values, buffer.memory)
+            self._enqueue(self._opencl.enqueue_copy, values, buffer.memory)
         return values
 
     def copy(self, source: OpenCLBuffer, target: OpenCLBuffer) -> None:
         """Copy a buffer to one of the same shape and type."""
         count = source.size * source.dtype.itemsize
-        self._opencl.enqueue_copy(self._queue, target.memory, source.memory, byte_count=count)
+        self._enqueue(partial(self._opencl.enqueue_copy, byte_count=count), target.memory, source.memory)
 
     def _map(self, buffer: OpenCLBuffer, flags: int) -> NDArray[Any]:
         if not buffer.size:
@@ -126,45 +137,52 @@ class OpenCLDevice:
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel; OpenCL counts dimensions from the fastest."""
-        function, lanes = self._kernel(kernel)
+        found = self._kernels.get(kernel) or self._find(kernel)
         shape = [dim] if isinstance(dim, int) else [int(n) for n in reversed(dim)]
         if 0 in shape:
             return
-        if lanes and self._is_cpu:
-            shape[0] = -(-shape[0] // (lanes * CPU_RUN))
-        group = self._fixed_group(function, len(shape))
+        if found.lanes and self._is_cpu:
+            shape[0] = -(-shape[0] // (found.lanes * CPU_RUN))
+        group = found.group and found.group[: len(shape)]
         if not self._is_cpu:
-            shape[0] = -(-shape[0] // GPU_GROUP) * GPU_GROUP
-            group = (GPU_GROUP,) + (1,) * (len(shape) - 1)
-        function(self._queue, tuple(shape), group, *(self._argument(value) for value in args))
+            group = group or (min(found.most, -(-shape[0] // GPU_ROW) * GPU_ROW), *[1] * (len(shape) - 1))
+            shape[0] = -(-shape[0] // group[0]) * group[0]
+        inputs = (value.memory if isinstance(value, OpenCLBuffer) else value for value in args)
+        self._enqueue(found.function, tuple(shape), group, *inputs)
 
-    def _fixed_group(self, function: Any, dimensions: int) -> tuple[int, ...] | None:
-        """Work items a group that the kernel asks for with reqd_work_group_size, which PoCL 3.0 wants to be told."""
-        asked = self._opencl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE
-        group = function.get_work_group_info(asked, self._context.devices[0])
-        return tuple(group[:dimensions]) if all(group) else None
+    def _enqueue(self, command: Callable[..., Any], *args: Any) -> None:
+        """Send what makes a GPU's driver find the memory of buffers that were reserved before."""
+        try:
+            command(self._queue, *args)
+        except self._opencl.MemoryError as error:
+            raise MemoryError(f"{self.label} has no room for the buffers in use: {error}") from None
 
-    def _argument(self, value: Any) -> Any:
-        if isinstance(value, OpenCLBuffer):
-            return value.memory
-        if isinstance(value, float | np.floating):
-            return self.real.type(value)
-        return np.int32(value)
-
-    def _kernel(self, kernel: str) -> tuple[Any, int]:
-        """The function, and the lanes of a kernel that is written in them, else 0."""
-        if kernel not in self._kernels:
-            prefix, (module, _) = kernel.rpartition(".")[0], find_kernel(kernel)
-            package, _, file = module.rpartition(".")
-            text = _source(file, package=package)
-            lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
-            self.on_build(kernel)
-            whole = _source("lanes", "h") + INCLUDE.sub(lambda found: _source(found[1], "h"), text)
-            program = self._opencl.Program(self._context, whole).build(options=self._options(lanes))
-            self.on_build("")
-            for hint, name, _ in SIGNATURE.findall(text):
-                self._kernels[f"{prefix}.{name}"] = (self._opencl.Kernel(program, name), lanes if hint else 0)
+    def _find(self, kernel: str) -> _Found:
+        """Build the program of a kernel, once, with all kernels that are in it."""
+        prefix, (module, _) = kernel.rpartition(".")[0], find_kernel(kernel)
+        package, _, file = module.rpartition(".")
+        text = _source(file, package=package)
+        lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
+        self.on_build(kernel)
+        whole = _source("lanes", "h") + INCLUDE.sub(lambda found: _source(found[1], "h"), text)
+        program = self._opencl.Program(self._context, whole).build(options=self._options(lanes))
+        self.on_build("")
+        for hint, name, arguments in SIGNATURE.findall(text):
+            function = self._opencl.Kernel(program, name)
+            function.set_arg_types([self._kind(argument) for argument in arguments.split(",")])
+            self._kernels[f"{prefix}.{name}"] = _Found(function, lanes if hint else 0, *self._groups(function))
         return self._kernels[kernel]
+
+    def _kind(self, argument: str) -> Any:
+        """Type of a number, None of a buffer: untold, PyOpenCL finds out at each launch, which takes it 60 us."""
+        return None if "*" in argument else np.int32 if argument.split()[-2] == "int" else self.real
+
+    def _groups(self, function: Any) -> tuple[tuple[int, ...] | None, int]:
+        """Work items a group: what the kernel asks for, which PoCL 3.0 wants to be told, and the most of a GPU."""
+        info, device = self._opencl.kernel_work_group_info, self._context.devices[0]
+        asked = tuple(function.get_work_group_info(info.COMPILE_WORK_GROUP_SIZE, device))
+        most = min(GPU_GROUP, function.get_work_group_info(info.WORK_GROUP_SIZE, device))
+        return asked if all(asked) else None, most
 
     def _options(self, lanes: int) -> list[str]:
         type_name = "double" if self.real == np.float64 else "float"

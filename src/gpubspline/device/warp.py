@@ -88,12 +88,12 @@ class WarpDevice:
             return array
         values = np.asarray(array)
         dtype = buffer_type(values, self.real)
+        buffer = self.empty(values.size, dtype)
         if self._device.is_cpu:
-            buffer = self.empty(values.size, dtype)
             buffer.numpy().reshape(values.shape)[...] = values
-            return buffer
-        flat = np.ascontiguousarray(values, dtype=dtype).reshape(-1)
-        return self._warp.array(flat, device=self._device, copy=True)
+        elif values.size:
+            buffer.assign(np.ascontiguousarray(values, dtype=dtype).reshape(-1))
+        return buffer
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
         """Reserve a buffer, on a CPU padded by the lanes that a kernel may read past its end; kernels see it flat."""
