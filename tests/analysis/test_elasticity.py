@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gpubspline.analysis.elasticity import solve
-from gpubspline.analysis.multigrid import _spacing
 from gpubspline.analysis.stiffness import numbers_of, stiffness
+from gpubspline.analysis.transfer import spacing_of
 from gpubspline.errors import InputError, SolveError
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.mesh import structure
@@ -339,7 +339,7 @@ def test_an_edge_without_length_does_not_keep_the_grids_from_coarsening(device64
     mesh.points[1] = mesh.points[0]
     forces = np.zeros((mesh.n_nodes, 3))
     forces[mesh.node_sets["w1"], 0] = 1.0
-    assert min(_spacing(mesh.structure, mesh.points)) > 0.05
+    assert min(spacing_of(mesh.structure, mesh.points)) > 0.05
     assert solve(mesh, held(mesh, "w0"), forces, device=device64).iterations < 60
 
 

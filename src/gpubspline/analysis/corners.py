@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gpubspline.analysis.grid import MARGIN, POWERS
 from gpubspline.analysis.krylov import Vectors
-from gpubspline.analysis.multigrid import MARGIN, POWERS
 from gpubspline.analysis.multilevel import Multilevel, multilevel
 from gpubspline.analysis.stiffness import Stiffness
 from gpubspline.device import Buffer, Device

@@ -15,7 +15,8 @@ from pydicom.dataset import Dataset
 from pydicom.pixels.utils import pixel_array
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
-from gpubspline.ct.series import UNREADABLE, Slice, choose_series, read_headers, slices_of
+from gpubspline.ct.series import UNREADABLE, choose_series, read_headers
+from gpubspline.ct.slices import Slice, slices_of
 from gpubspline.ct.spacing import describe_spacings, is_uniform, missing_slices, resample_slices, uniform_positions
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning, InputError
