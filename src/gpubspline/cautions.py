@@ -11,6 +11,7 @@ from gpubspline.ct.labels import MOST_LABELS, label_counts
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning
+from gpubspline.material.density import MASS_OF, WEIGHED, steps_between
 from gpubspline.mesh.blocks.result import BlocksReport, BodyReport
 from gpubspline.mesh.element_size import ACROSS, about_elements, size_of
 from gpubspline.mesh.thickness import thinnest
@@ -86,6 +87,19 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
             GpubsplineWarning,
             stacklevel=2,
         )
+
+
+def warn_of_weight(gravity: bool, kind: str) -> None:
+    """Warn where gravity would pull at a density that is no weight: ``kind`` is that of the material's density."""
+    if not gravity or kind == WEIGHED:
+        return
+    sources = "; ".join(dict.fromkeys(step.source for step in steps_between(kind, WEIGHED)))
+    warnings.warn(
+        f"gravity pulls at the {kind} density of the law, the {MASS_OF[kind]}, which is not what bone weighs "
+        f"({sources}): a law of {WEIGHED} density has its weight",
+        GpubsplineWarning,
+        stacklevel=2,
+    )
 
 
 def warn_of_topology(report: BlocksReport, keeps_mm: float | None) -> None:

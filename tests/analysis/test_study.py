@@ -10,6 +10,7 @@ import pytest
 from gpubspline.analysis.convergence import converge, write_csv
 from gpubspline.analysis.load_case import read_load_case
 from gpubspline.analysis.study import Study, growing, identity, run_study, spelled
+from gpubspline.cli.describe_study import study_lines
 from gpubspline.clock import Clock
 from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
@@ -176,6 +177,19 @@ def test_changes_are_against_the_finest_and_turns_are_found():
     assert found.changes["max_von_mises_mpa"] == pytest.approx((120 / 85 - 1, 90 / 85 - 1, 80 / 85 - 1, 84 / 85 - 1, 0))
     assert found.monotone_from() == 4000 and found.last_change == pytest.approx(1 / 85)
     assert converge([row(1000, 3), row(2000, 2)]).monotone_from() == 1000
+
+
+@pytest.mark.parametrize(
+    ("stress", "words"),
+    [
+        ([120, 90, 85], "falls with every refinement"),
+        ([70, 90, 80, 84, 85], "goes up and down at first, rises with every refinement from 3,000 elements on"),
+        ([80, 90, 85], "goes up and down, last it falls"),
+    ],
+)
+def test_the_course_of_the_stress_is_told_in_words(stress: list[float], words: str) -> None:
+    found = converge([row(1000 * n, s) for n, s in enumerate(stress, start=1)])
+    assert any(line.startswith(f"stress     {words}; the last refinement") for line in study_lines(found))
 
 
 def test_the_table_and_the_graph_hold_every_model(tmp_path):

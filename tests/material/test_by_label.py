@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -39,16 +40,21 @@ def bar(labels: tuple[int, ...] = (1, 1, 1, 2, 2, 2, 2, 2)) -> Mesh:
 
 @pytest.mark.parametrize("how", ["element-e", "element-hu", "gauss"])
 def test_each_element_has_the_law_of_its_label(how: str, device: Device) -> None:
-    """As if the whole mesh had it; constants to the last bit, pieces numbered on end, alarms summed."""
+    """As if the whole mesh had it; constants to the last bit, pieces numbered on end, alarms summed.
+
+    But densities of another kind than the others' are converted.
+    """
     mesh, own = bar((1, 1, 3, 3, 2, 2, 2, 1)), law("keyak-1998")
     label = mesh.cell_fields["label"]
     mapped, alarms = assign(mesh, None, Mapping(how), by_label={2: TITANIUM, 3: own}, device=device)
     alone = {1: assign(mesh, None, Mapping(how), device=device), 3: assign(mesh, own, Mapping(how), device=device)}
+    wet, _ = assign(mesh, own.weighed("apparent"), Mapping(how), device=device)
     names = ["E_MPa", "nu", "density_g_cm3", "HU", *(f"E_MPa_{k}" for k in range(1, 9) if how == "gauss")]
     for number, (whole, _) in alone.items():
         for name in names:
+            expected = wet if number == 3 and name.startswith("density") else whole
             np.testing.assert_array_equal(
-                mapped.cell_fields[name][label == number], whole.cell_fields[name][label == number]
+                mapped.cell_fields[name][label == number], expected.cell_fields[name][label == number]
             )
     there = {name: mapped.cell_fields[name][label == 2] for name in names}
     assert np.all(there["E_MPa"] == 110000) and np.all(there["nu"] == np.asarray(0.3, there["nu"].dtype))
@@ -162,3 +168,44 @@ def test_two_materials_in_series(tmp_path: Path, device64: Device) -> None:
     rows = re.search(r"for set W1 .*?\n\n((?:\s+\d+\s.*\n)+)", (tmp_path / "model.dat").read_text())
     assert rows is not None
     assert sum(float(row.split()[3]) for row in rows[1].splitlines()) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("how", ["element-e", "element-hu", "gauss"])
+def test_masses_of_unlike_kinds_are_no_sum(how: str, device64: Device) -> None:
+    """Ash is 0.6 of the apparent density: beside a metal's own the bone counts with its wet mass, in every field."""
+    mesh, ash = bar(), law("keyak-1998")
+    mapped, alarms = assign(mesh, ash, Mapping(how), by_label={2: TITANIUM}, device=device64)
+    bone, metal = alarms.by_label
+    alone, own = assign(mesh, ash, Mapping(how), device=device64)
+    assert own.density_kind == "ash" and own.to_dict()["mass_g"]["converted_by"] == []
+    assert (bone["density"], metal["density"], alarms.density_kind) == ("ash", "apparent", "apparent")
+    assert bone["mass_by_law_g"] == pytest.approx(0.6 * bone["mass_g"], rel=1e-12)
+    assert metal["mass_by_law_g"] == metal["mass_g"]
+    assert alarms.mass_mesh_g == pytest.approx(bone["mass_by_law_g"] / 0.6 + 4.43 * 45e-3, rel=1e-12)
+    label, density = mapped.cell_fields["label"] == 1, mapped.cell_fields["density_g_cm3"]
+    np.testing.assert_allclose(density[label], alone.cell_fields["density_g_cm3"][label] / 0.6, rtol=1e-12)
+    np.testing.assert_array_equal(mapped.cell_fields["E_MPa"][label], alone.cell_fields["E_MPa"][label])
+    told = alarms.to_dict()["mass_g"]
+    assert told["density"] == "apparent" and "rho_ash / rho_app = 0.6" in told["converted_by"][0]
+    same, both = assign(mesh, ash, Mapping(how), by_label={2: law("keller-1994-spine")}, device=device64)
+    assert both.density_kind == "ash" and both.to_dict()["mass_g"]["converted_by"] == []
+    assert both.mass_mesh_g == pytest.approx(own.mass_mesh_g, rel=1e-3)  # the same ash but where HU end
+    assert same.cell_fields["density_g_cm3"].max() < density.max()
+
+
+def test_voxels_weigh_as_the_mesh_does(device: Device) -> None:
+    """A bar of QCT and ash laws in a scan of its own HU: one kind on both sides, so no difference."""
+    z = np.arange(-1, 14, 0.5)
+    hu = np.broadcast_to(300 + 100 * z[:, None, None], (30, 16, 14)).astype(np.float32)
+    affine = np.diag([0.5, 0.5, 0.5, 1.0])
+    affine[:3, 3] = -1.25, -1.25, -1.0
+    volume, inside = Volume(hu, affine), np.zeros(hu.shape, dtype=bool)
+    inside[2:27, 3:9, 3:7] = True
+    region = region_from_mask(volume, inside, smoothing_mm=0.0)
+    labels = np.where(np.arange(30)[:, None, None] * 0.5 - 1 < 4.5, 1, 2) * np.ones((1, 16, 14), int)
+    how: dict[str, Any] = {"volume": volume, "region": region, "labels": labels, "device": device}
+    by_label = {1: law("kopperdahl-2002-power"), 2: law("keyak-1998")}
+    _, alarms = assign(bar(), None, Mapping("element-e", partial_volume="none"), by_label=by_label, **how)
+    assert alarms.density_kind == "apparent" and len(alarms.converted_by) == 2
+    exact_g = 1.9 / 1630 * 900 * 72e-3  # mean HU by volume
+    assert alarms.mass_mesh_g == pytest.approx(exact_g, rel=2e-3)

@@ -20,6 +20,9 @@ from gpubspline.mesh.mesh import Mesh
 TONNE_MM3 = 1e-9
 """Of 1 g/cm3: the unit of mass that goes with mm, N and MPa."""
 
+ROUNDING = 1e-6
+"""Of all that pushes on a region: a smaller total is what float32 places and sums leave of 0."""
+
 _ELEMENTS = 1 << 14
 """Elements integrated at a time, which bounds the memory."""
 
@@ -178,7 +181,13 @@ def _push(made: AssembledLoads, load: Force | Pressure, surface: Surface, axes: 
         made.gripped[nodes] = True
     centre = np.einsum("fs,fsc->c", area, surface.points_mm) / total_mm2
     kind = "force" if isinstance(load, Force) else "pressure"
-    return Applied(kind, load.region.name, total_mm2, np.unique(nodes).size, on_nodes.sum(axis=(0, 1)), centre)
+    total = _without_rounding(on_nodes.sum(axis=(0, 1)), float(np.linalg.norm(on_samples, axis=2).sum()))
+    return Applied(kind, load.region.name, total_mm2, np.unique(nodes).size, total, centre)
+
+
+def _without_rounding(total_n: Floats, pushed_n: float) -> Floats:
+    """Components of a total, 0 where they are what summing leaves of all that pushes, whichever way."""
+    return np.where(np.abs(total_n) > ROUNDING * pushed_n, total_n, 0.0)
 
 
 def _weigh(made: AssembledLoads, acceleration: Floats, mesh: Mesh) -> Applied:

@@ -78,7 +78,7 @@ def extrapolate(size: Sequence[float], value: Sequence[float]) -> Extrapolation:
     if np.all(np.abs(steps) <= NOISE * np.abs(f).max()):
         return Extrapolation(float(f[-1]), None, meshes, f"the finest {meshes} agree to {NOISE:g}")
     if np.any(steps > 0) and np.any(steps < 0):
-        return Extrapolation(None, None, meshes, f"not monotone over the finest {meshes}")
+        return Extrapolation(None, None, meshes, f"it goes up and down over the finest {meshes} meshes")
     found, limit = _fit(h / h[0], f)
     if found <= LEAST_ORDER * 1.001:
         return Extrapolation(None, None, meshes, f"the steps of the finest {meshes} do not shrink")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice
+from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice, mass_words
 from gpubspline.material.density import conversions
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import DEFAULT_LAW
@@ -104,7 +104,10 @@ def _part_lines(parts: Sequence[dict[str, Any]]) -> list[str]:
     for part in parts:
         e, of = part["modulus_mpa"], f"the set {part['set']}" if part["label"] else "the rest"
         span = f"{e['min']:.6g}" if e["min"] == e["max"] else f"{e['min']:.0f} to {e['max']:.0f}"
-        lines.append(f"{_UNDER}{of}: {part['law']['name']}, {part['elements']:,} elements, E {span} MPa")
+        weight = "" if part["mass_g"] is None else f", {part['mass_g']:.4g} g"
+        if weight and part["mass_by_law_g"] != part["mass_g"]:
+            weight += f" ({part['mass_by_law_g']:.4g} g by its law's {part['density']} density)"
+        lines += _wrapped(f"{of}: {part['law']['name']}, {part['elements']:,} elements, E {span} MPa{weight}")
     return lines
 
 
@@ -135,6 +138,10 @@ def _alarm_lines(
         if abs(mass["difference"]) > MASS_TOLERANCE:
             lines[-1] += ", more than 1 %:"
             lines += _wrapped(mass_advice(alarms, volume_mm3))
+    elif mass["mesh"] is not None:
+        lines.append(f"{_UNDER}mass of the mesh {mass['mesh']:.4g} g")
+    if mass["mesh"] is not None:
+        lines += _wrapped(f"masses are {mass_words(mass)}")
     if order is not None:
         lines.append(
             f"{_UNDER}element-hu and element-e differ by {order['mean']:.1%} of the modulus on average, "

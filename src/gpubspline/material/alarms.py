@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.material.density import MASS_OF, steps_between
 from gpubspline.material.laws import Law
 from gpubspline.material.mass_parts import MassParts
 
@@ -29,6 +30,7 @@ class Alarms:
     outside: of them, those whose HU no range of the law covers.
     beyond_specimens: those whose density none of the law's specimens had; None where these are unknown.
     near_zero: those whose modulus is below ``NEAR_ZERO_MPA``.
+    density_kind: of the masses: of the law, or of laws by label whose kinds differ ``density.WEIGHED``.
     mass_mesh_g: density integrated over the mesh; None for quads.
     mass_voxels_g: the same law over the region's voxels; None without the CT.
     mass_parts: where the two part; None where they do not by more than ``MASS_TOLERANCE``, or it was not looked for.
@@ -45,6 +47,7 @@ class Alarms:
     outside: int
     beyond_specimens: int | None
     near_zero: int
+    density_kind: str
     mass_mesh_g: float | None = None
     mass_voxels_g: float | None = None
     order_difference: tuple[float, float] | None = None
@@ -60,10 +63,19 @@ class Alarms:
             return None
         return self.mass_mesh_g / self.mass_voxels_g - 1
 
+    @property
+    def converted_by(self) -> list[str]:
+        """Sources of the conversions that made the masses of laws by label one kind."""
+        kinds = dict.fromkeys(share["density"] for share in self.by_label)
+        steps = [step for kind in kinds for step in steps_between(kind, self.density_kind)]
+        return list(dict.fromkeys(step.source for step in steps))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         order, parts = self.order_difference, self.mass_parts
-        mass = {"mesh": self.mass_mesh_g, "voxels": self.mass_voxels_g, "difference": self.mass_difference}
+        mass: dict[str, Any] = {"mesh": self.mass_mesh_g, "voxels": self.mass_voxels_g}
+        mass |= {"difference": self.mass_difference}
+        mass |= {"density": self.density_kind, "converted_by": self.converted_by}
         return {
             "mapping": self.mapping,
             "surface_depth_mm": self.surface_depth_mm,
@@ -89,11 +101,16 @@ def count_alarms(
         low, high = law.specimens_g_cm3
         beyond = int(np.count_nonzero((density < low) | (density > high)))
     outside, soft = int(np.count_nonzero(piece < 0)), int(np.count_nonzero(modulus < NEAR_ZERO_MPA))
-    return Alarms(mapping, of, piece.size, outside, beyond, soft, **others)
+    return Alarms(mapping, of, piece.size, outside, beyond, soft, law.density.kind, **others)
 
 
 def add_alarms(parts: Sequence[Alarms], **others: Any) -> Alarms:
-    """Alarms of a mesh from those of its parts, which were mapped alike; ``others`` are of the whole."""
+    """Alarms of a mesh from those of its parts, which were mapped alike; ``others`` are of the whole.
+
+    Raises ValueError where masses are of unlike kinds of density.
+    """
+    if len({part.density_kind for part in parts}) > 1:
+        raise ValueError("expected masses of one kind of density, got several")
     beyond = [part.beyond_specimens for part in parts if part.beyond_specimens is not None]
     masses = [part.mass_mesh_g for part in parts if part.mass_mesh_g is not None]
     return Alarms(
@@ -103,9 +120,18 @@ def add_alarms(parts: Sequence[Alarms], **others: Any) -> Alarms:
         sum(part.outside for part in parts),
         sum(beyond) if beyond else None,
         sum(part.near_zero for part in parts),
+        parts[0].density_kind,
         sum(masses) if masses else None,
         **others,
     )
+
+
+def mass_words(mass: dict[str, Any]) -> str:
+    """What a mass is of, of the ``mass_g`` of ``Alarms.to_dict``, and how unlike kinds were made one."""
+    words = f"{MASS_OF[mass['density']]}, by {mass['density']} density"
+    if mass["converted_by"]:
+        words += f", to which laws of other kinds are converted ({'; '.join(mass['converted_by'])})"
+    return words
 
 
 def mass_advice(alarms: dict[str, Any], volume_mm3: dict[str, float | None] | None = None) -> str:

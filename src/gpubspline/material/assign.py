@@ -1,6 +1,7 @@
 """The material of a mesh, by one of four mappings, and the alarms of it."""
 
 from collections.abc import Mapping as Laws
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,11 +15,11 @@ from gpubspline.ct.volume import Volume
 from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.material.alarms import MASS_TOLERANCE, Alarms, add_alarms, count_alarms
-from gpubspline.material.by_label import Share, joined, numbered, shares, told
+from gpubspline.material.by_label import Share, joined, numbered, shares, told, with_density
 from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
-from gpubspline.material.laws import Law
-from gpubspline.material.mapping import Material, apply_material, check_hu, check_policy, law_on_device
+from gpubspline.material.laws import Law, common_kind
+from gpubspline.material.mapping import LawOnDevice, Material, apply_material, check_hu, check_policy, law_on_device
 from gpubspline.material.mass_parts import MassParts, ct_masses
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.projection import Projected, project
@@ -140,25 +141,29 @@ def assign(
     law, mapping, device = law or find_law(), mapping or Mapping(), device or open_device()
     if mapping.surface_depth_mm is not None and (volume is None or region is None):
         raise InputError("expected the CT to read the surface's HU at a depth from, got a mesh or a model alone")
+    split = None
     if by_label:
         mapping.check_by_label()
+        split = shares(mesh, law, by_label)
     if mapping.at_nodes:
         mapped, alarms = _nodal(mesh, law, mapping, volume, region, device)
     else:
-        mapped, alarms = _elements(mesh, law, by_label or {}, mapping, volume, region, device)
+        mapped, alarms = _elements(mesh, law, split, mapping, volume, region, device)
     alarms = replace(alarms, surface_depth_mm=mapping.surface_depth_mm)
     if volume is None or region is None:
         return mapped, alarms
     alarms = replace(alarms, partial_volume=mapping.treatment)
     if mesh.element.dimension != 3 or not region.is_on(volume):
         return mapped, alarms
-    there = {label: law_on_device(each, device, **mapping.policy) for label, each in (by_label or {}).items()}
+
+    def weighing(own: Law) -> LawOnDevice:
+        return law_on_device(own.weighed(alarms.density_kind), device, **mapping.policy)
+
+    rest, there = weighing(law), {label: weighing(each) for label, each in (by_label or {}).items()}
     how: dict[str, Any] = {"partial_volume": mapping.treatment, "by_label": there, "labels": labels}
-    rest = law_on_device(law, device, **mapping.policy)
     mass = voxel_mass_g(volume, region, rest, device, mapping.surface_depth_mm, **how)
     alarms = replace(alarms, mass_voxels_g=mass)
     if abs(alarms.mass_difference or 0) > MASS_TOLERANCE:
-        split = shares(mesh, law, by_label) if by_label else None
         reading = _reading(mesh, mapping, volume, region, device)
         parts = [(mesh, rest)] if split is None else [(each.part(mesh), there.get(each.label, rest)) for each in split]
         found = np.sum([ct_masses(part, own, region, **reading) for part, own in parts], axis=0)
@@ -237,7 +242,7 @@ def _hu_from_inside(mesh: Mesh, volume: Volume, region: Region, depth_mm: float,
 def _elements(
     mesh: Mesh,
     law: Law,
-    by_label: Laws[int, Law],
+    split: Sequence[Share] | None,
     mapping: Mapping,
     volume: Volume | None,
     region: Region | None,
@@ -246,24 +251,34 @@ def _elements(
     gauss = mapping.how == "gauss"
     how = _reading(mesh, mapping, volume, region, device)
     how["order"] = "element-hu" if mapping.how == "element-hu" else "element-e"
-    split = shares(mesh, law, by_label) if by_label else [Share(0, law, np.arange(mesh.n_elements))]
-    parts, alarms, materials = [], [], []
+    of_labels, split = split is not None, split or [Share(0, law, np.arange(mesh.n_elements))]
+    kind = common_kind(share.law for share in split)
+    parts, alarms, materials, told_of = [], [], [], []
     for share in split:
-        part, there = share.part(mesh) if by_label else mesh, law_on_device(share.law, device, **mapping.policy)
-        parts.append(_exact(integrate(part, there, keep_gauss=gauss, **how), share.law))
-        alarms.append(_alarms_of(parts[-1], share.law, mapping.how, mesh.element.dimension))
-        materials.append(_pieces(parts[-1], share.law, mapping))
+        part, there = share.part(mesh) if of_labels else mesh, law_on_device(share.law, device, **mapping.policy)
+        made = _exact(integrate(part, there, keep_gauss=gauss, **how), share.law)
+        counted = _alarms_of(made, share.law, mapping.how, mesh.element.dimension)
+        materials.append(_pieces(made, share.law, mapping))
+        weighed = share.law.weighed(kind)
+        if weighed is share.law:
+            parts.append(made)
+        else:  # one field has densities of one kind, or neither mass nor gravity would mean anything
+            other = integrate(part, law_on_device(weighed, device, **mapping.policy), keep_gauss=gauss, **how)
+            parts.append(with_density(made, other))
+            mass = None if counted.mass_mesh_g is None else other.mass_g
+            counted = replace(counted, mass_mesh_g=mass, density_kind=kind)
+        alarms.append(counted)
+        told_of.append(told(share, counted, made))
     made = joined(parts, split)
     fields = {"HU": made.hu, "density_g_cm3": made.density_g_cm3, "E_MPa": made.modulus_mpa, "nu": made.poisson}
     fields |= gauss_fields(made) if gauss else {}
-    fields |= numbered(mesh, materials, split) if by_label else {"material": materials[0]}
-    each = zip(split, alarms, parts, strict=True)
-    of_labels = tuple(told(share, own, part.modulus_mpa) for share, own, part in each) if by_label else ()
+    fields |= numbered(mesh, materials, split) if of_labels else {"material": materials[0]}
     mapped = mesh.with_cell_fields(fields)
     if mapping.transverse is not None:
         across = integrate(mesh, law_on_device(mapping.transverse, device, **mapping.policy), **how)
         mapped = with_orthotropy(mapped, made.modulus_mpa, across.modulus_mpa, made.poisson)
-    return mapped, add_alarms(alarms, order_difference=made.order_difference, by_label=of_labels)
+    told_parts = tuple(told_of) if of_labels else ()
+    return mapped, add_alarms(alarms, order_difference=made.order_difference, by_label=told_parts)
 
 
 def _exact(made: ElementMaterial, law: Law) -> ElementMaterial:

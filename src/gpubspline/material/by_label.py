@@ -7,7 +7,7 @@ the rest; ``material`` numbers the pieces of all laws on end, that of the rest f
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,12 @@ def joined(parts: Sequence[ElementMaterial], split: Sequence[Share]) -> ElementM
     )
 
 
+def with_density(made: ElementMaterial, other: ElementMaterial) -> ElementMaterial:
+    """The same with densities and mass of another kind."""
+    gauss = made.gauss | {name: values for name, values in other.gauss.items() if name.startswith("density")}
+    return replace(made, density_g_cm3=other.density_g_cm3, mass_g=other.mass_g, gauss=gauss)
+
+
 def numbered(mesh: Mesh, materials: Sequence[NDArray[Any]], split: Sequence[Share]) -> dict[str, NDArray[np.int32]]:
     """Element fields ``material`` and ``law`` (m,), from the material of each share, 0 where a law was floored."""
     material, law, first = np.zeros(mesh.n_elements, np.int32), np.zeros(mesh.n_elements, np.int32), 0
@@ -88,8 +94,12 @@ def numbered(mesh: Mesh, materials: Sequence[NDArray[Any]], split: Sequence[Shar
     return {"material": material, "law": law}
 
 
-def told(share: Share, alarms: Alarms, modulus_mpa: NDArray[Any]) -> dict[str, Any]:
-    """Plain values of a share, whose elements have the moduli (s,)."""
+def told(share: Share, alarms: Alarms, made: ElementMaterial) -> dict[str, Any]:
+    """Plain values of a share, of ``made`` by its own law; ``alarms`` have its mass, perhaps of another kind.
+
+    ``density`` is the kind of its own law's density, of which it has ``mass_by_law_g``.
+    """
+    modulus_mpa = made.modulus_mpa
     spread = {"min": modulus_mpa.min(), "max": modulus_mpa.max(), "mean": modulus_mpa.mean(dtype=np.float64)}
     return {
         "label": share.label,
@@ -98,4 +108,6 @@ def told(share: Share, alarms: Alarms, modulus_mpa: NDArray[Any]) -> dict[str, A
         "outside_law": alarms.outside / alarms.count,
         "modulus_mpa": {name: float(value) for name, value in spread.items()},
         "mass_g": alarms.mass_mesh_g,
+        "density": share.law.density.kind,
+        "mass_by_law_g": None if alarms.mass_mesh_g is None else made.mass_g,
     }

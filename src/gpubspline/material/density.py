@@ -27,7 +27,13 @@ from gpubspline.tables import checked, pair, parse
 DENSITY_KINDS = ("QCT", "ash", "apparent")
 """Calibrated mineral equivalent, mineral mass and wet mass over the bulk volume, in the order of the chain.
 
-They are never interchangeable."""
+They are never interchangeable, and masses of two kinds are no sum."""
+
+WEIGHED = "apparent"
+"""The kind that a balance shows and that gravity pulls at: what masses of unlike kinds are converted to."""
+
+MASS_OF = {"QCT": "mineral equivalent", "ash": "mineral alone", "apparent": "wet"}
+"""What a mass is of, by the kind of its density."""
 
 
 @dataclass(frozen=True)
@@ -182,10 +188,9 @@ class DensityRelation:
         """
         if kind not in DENSITY_KINDS:
             raise InputError(f"expected a density kind of {', '.join(DENSITY_KINDS)}, got {kind!r}")
-        found, at, wanted = self, DENSITY_KINDS.index(self.kind), DENSITY_KINDS.index(kind)
-        while at != wanted:
-            at += 1 if wanted > at else -1
-            found = found.then(_between(found.kind, DENSITY_KINDS[at]))
+        found = self
+        for step in steps_between(self.kind, kind):
+            found = found.then(step)
         return found
 
     @property
@@ -197,6 +202,13 @@ class DensityRelation:
 def _check_rise(slope: float, intercept: float, takes: str) -> None:
     if not (np.isfinite(intercept) and 0 < slope < np.inf):
         raise InputError(f"expected a density that rises with {takes}, got rho = {slope:g} {takes} + {intercept:g}")
+
+
+def steps_between(takes: str, gives: str) -> tuple[Step, ...]:
+    """Steps of ``conversions.toml`` from one kind of density to another; none where they are the same."""
+    at, wanted = DENSITY_KINDS.index(takes), DENSITY_KINDS.index(gives)
+    way = 1 if wanted > at else -1
+    return tuple(_between(DENSITY_KINDS[n], DENSITY_KINDS[n + way]) for n in range(at, wanted, way))
 
 
 def _between(takes: str, gives: str) -> Step:

@@ -1,5 +1,6 @@
 """Material laws: HU to density to Young's modulus, one power law per piece of the HU axis."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from gpubspline.errors import InputError
 from gpubspline.material.density import DENSITY_KINDS as DENSITY_KINDS
+from gpubspline.material.density import WEIGHED
 from gpubspline.material.density import DensityRelation as DensityRelation
 
 FARTHEST_HU = 1e6
@@ -148,6 +150,16 @@ class Law:
         """The same law beside another in one mesh: a constant without a density of its own takes that of the other."""
         return replace(self, density=other.density) if self.is_constant and not self.density.is_constant else self
 
+    def weighed(self, kind: str) -> "Law":
+        """A law of the same ranges of HU whose density is of a kind, for masses: its modulus is 1 MPa, whatever it was.
+
+        The law itself where its density is of that kind.
+        """
+        if self.density.kind == kind:
+            return self
+        pieces = tuple(replace(piece, factor_mpa=0.0, exponent=1.0, offset_mpa=1.0) for piece in self.pieces)
+        return replace(self, density=self.density.to(kind), pieces=pieces)
+
     def jumps(self) -> list[tuple[float, float, float]]:
         """List where the modulus steps by more than 1 %: (HU, MPa below, MPa above) of each such boundary."""
         steps = []
@@ -157,6 +169,12 @@ class Law:
             if abs(above - below) > 0.01 * max(below, above):
                 steps.append((high.lower_hu, below, above))
         return steps
+
+
+def common_kind(laws: Iterable[Law]) -> str:
+    """Kind of density of all laws, or the one that masses of unlike kinds are converted to."""
+    kinds = {law.density.kind for law in laws}
+    return kinds.pop() if len(kinds) == 1 else WEIGHED
 
 
 def constant_law(

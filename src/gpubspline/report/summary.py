@@ -80,6 +80,7 @@ def summary(
         "volume_mm3": sizes if solid else none,
         "area_mm2": none if solid else sizes,
         "mass_g": None if alarms is None else alarms.mass_mesh_g,
+        "mass_density": None if alarms is None or alarms.mass_mesh_g is None else alarms.density_kind,
         "surface_distance_mm": None if distance is None else distance.to_dict(),
         "region_distance_mm": None,
         "hu": _spread(counted.spreads.get("HU")),

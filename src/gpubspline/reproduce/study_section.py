@@ -47,8 +47,8 @@ def _here(study: dict[str, Any]) -> str:
     )
     return (
         f"{len(models)} models of {models[0]['elements']:,} to {models[-1]['elements']:,} elements. Against the finest "
-        f"{changes}; the last refinement changes it by {100 * study['last_change_of_max_von_mises']:.2f} %. Monotone "
-        f"from {study['max_von_mises_monotone_from_elements']:,} elements on."
+        f"{changes}; the last refinement changes it by {100 * study['last_change_of_max_von_mises']:.2f} %. It "
+        f"goes one way, up or down, from {study['max_von_mises_monotone_from_elements']:,} elements on."
     )
 
 

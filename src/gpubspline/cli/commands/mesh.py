@@ -37,7 +37,10 @@ def mesh(
 ) -> None:
     """Make a mesh with material from CT, or from a closed surface."""
     from gpubspline import methods
+    from gpubspline.analysis.load_case import load_case
+    from gpubspline.cautions import warn_of_weight
     from gpubspline.cli import describe
+    from gpubspline.material.laws import common_kind
     from gpubspline.surface.read import is_surface
 
     files.check([*source, *([method.ct] if method.ct else []), *region.files, *sampled.files], deck)
@@ -65,6 +68,8 @@ def mesh(
             choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
         how = (choice, wanted, shaping, meshing, sampling, device, clock)
         model, figures = make_model(body, *how, files.make)
+        if model.laws and deck.load is not None:
+            warn_of_weight(load_case(deck.load).gravity_mm_s2 is not None, common_kind(model.laws.values()))
         files.write(model, figures, clock)
         method.write(body.region, figures, clock)
         known = {"quality": model.counted.quality, "volume": body.volume, "laws": list(model.laws.values())}

@@ -44,7 +44,9 @@ def solve(
 ) -> None:
     """Solve a mesh under a load case: displacement, reactions and stress."""
     from gpubspline.analysis.response import respond
+    from gpubspline.cautions import warn_of_weight
     from gpubspline.cli import describe
+    from gpubspline.material.laws import common_kind
     from gpubspline.mesh.quality import assess
 
     inputs = [*source, *([method.ct] if method.ct else []), *region.files, *sampled.files]
@@ -53,6 +55,8 @@ def solve(
     page.check([*inputs, *wanted.paths, *method.paths])
     with run.clock() as clock:
         solid = find_model(source, read, region, method, spline, sampled, device, clock)
+        if solid.laws:
+            warn_of_weight(case.gravity_mm_s2 is not None, common_kind(solid.laws.values()))
         response = respond(solid.mesh, case, device, clock, **wanted.how())
         figures = response.figures() | {"backend": device.backend, "device": device.label}
         wanted.write(response, figures, clock)

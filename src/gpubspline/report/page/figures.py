@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from gpubspline.material.alarms import mass_words
+
 UNITS = {
     "nmm": "N mm",
     "mm3": "mm³",
@@ -41,7 +43,7 @@ PARTIAL_VOLUME = {"fold": "folded back in", "none": "as it lies"}
 def figure_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     """Name and value of every figure that is known and has no section of its own."""
     alarms = figures.get("alarms") or {}
-    taken = [*ELSEWHERE, *(["mass_g", "out_of_range_nodes"] if alarms else [])]
+    taken = [*ELSEWHERE, *(["mass_g", "mass_density", "out_of_range_nodes"] if alarms else [])]
     rows = [row for key, value in figures.items() if key not in taken for row in _rows(*_unit_of(key), value)]
     return rows + _label_rows(figures.get("law_by_label") or []) + alarm_rows(alarms)
 
@@ -54,6 +56,8 @@ def _label_rows(parts: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
         e, mass = part["modulus_mpa"], part["mass_g"]
         span = number(e["min"]) if e["min"] == e["max"] else f"{number(e['min'])} to {number(e['max'])}"
         weight = "" if mass is None else f", {number(mass)} g"
+        if weight and part.get("mass_by_law_g", mass) != mass:
+            weight += f" ({number(part['mass_by_law_g'])} g by its law's {part['density']} density)"
         rows.append((name, f"{part['law']['name']}, {number(part['elements'])} elements, E {span} MPa{weight}"))
     return rows
 
@@ -73,6 +77,7 @@ def alarm_rows(alarms: dict[str, Any]) -> list[tuple[str, str]]:
         rest = "" if mass.get("voxels") is None else f", of the voxels {number(mass['voxels'])} g: "
         off = "" if mass.get("difference") is None else f"{100 * mass['difference']:+.3g} %"
         rows.append(("mass of the mesh", f"{number(mass['mesh'])} g{rest}{off}"))
+        rows += [("masses are", mass_words(mass))] if mass.get("density") else []
     if alarms.get("partial_volume"):
         rows.append(("partial volume at the surface", PARTIAL_VOLUME[alarms["partial_volume"]]))
     if alarms.get("surface_depth_mm"):
@@ -119,7 +124,7 @@ def _told(value: Any, unit: str) -> str:
 def vector(values: Sequence[Any]) -> str:
     """Write numbers beside each other; what is nothing beside the greatest of them is 0."""
     sizes = [abs(value) for value in values if isinstance(value, int | float)]
-    least = 1e-6 * max(sizes, default=0.0)
+    least = 1e-5 * max(sizes, default=0.0)
     kept = [0.0 if isinstance(value, float) and abs(value) < least else value for value in values]
     return "(" + ", ".join(number(value) for value in kept) + ")"
 
@@ -146,6 +151,7 @@ def _words(key: str) -> str:
         "jacobian determinant": "Jacobian determinant",
         "euler": "Euler number",
         "topology": "other topology",
+        "max von mises monotone from elements": "the maximum goes one way only from, elements",
     }.get(words, words)
 
 

@@ -153,7 +153,7 @@ def _load_table(acting: Sequence[dict[str, Any]], case: dict[str, Any]) -> Table
             vector(part["force_n"]),
             part["area_mm2"],
             part["nodes"],
-            vector(part["centre_mm"]),
+            vector([round(mm, 2) + 0.0 for mm in part["centre_mm"]]),
         )
         for part in acting
     ]

@@ -32,7 +32,8 @@ def study_parts(found: Convergence) -> dict[str, Any]:
         for name, words in QUANTITIES.items()
         for limit in [found.limits[name]]
     ]
-    ends = Table("At elements of no size", ("quantity", "limit", "order", "from meshes", "why there is none"), limits)
+    columns = ("quantity", "limit", "order", "from meshes", "why there is none")
+    ends = Table("Extrapolated to elements of no size", columns, limits)
     elements = [float(model["elements"]) for model in found.models]
     lines = {words: (elements, [100 * c for c in found.changes[name]]) for name, words in QUANTITIES.items()}
     curve = Curve("Convergence", "elements", "change against the finest (%)", lines, log_x=True, note="after Fig. 13")
