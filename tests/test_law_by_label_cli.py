@@ -62,7 +62,12 @@ def test_deck_report_and_summary(
     assert (metal["set"], metal["label"], metal["law"]["range_hu"]) == ("label_7", 7, None)
     assert metal["modulus_mpa"] == {"min": 110000, "max": 110000, "mean": 110000}
     assert abs(figures["alarms"]["mass_g"]["difference"]) < off
+    assert figures["mass_density"] == figures["alarms"]["mass_g"]["density"] == "apparent"  # ash is no metal's
+    assert rest["mass_by_law_g"] == pytest.approx(0.6 * rest["mass_g"], rel=1e-5)
+    assert figures["mass_g"] == pytest.approx(rest["mass_g"] + metal["mass_g"], rel=1e-6)
+    assert "masses are wet, by apparent density, to which" in out and "g by its law's ash density" in out
     text = deck.read_text()
+    assert "** Densities are apparent: wet.\n" in text
     assert "of the rest: keyak-1998" in text and "of the set label_7: constant:E=110000" in text
     read = meshio.read(deck)
     names = [name for name in read.cell_sets if name.startswith("modulus_")]
@@ -174,3 +179,15 @@ def test_a_deck_by_element_is_not_called_one_by_node(run: Command, bar: dict[str
         how = ["--mapping", "element-e" if mapping == "element" else "nodal-e"]
         status, out, _ = run("mesh", *words(bar)[:3], *SMALL, *how, "--load", load, "-o", tmp_path / "m.feb")
         assert status == 0 and f"modulus by {mapping}\n" in out
+
+
+def test_gravity_on_what_is_no_weight_is_warned_of(run: Command, bar: dict[str, Path], tmp_path: Path) -> None:
+    load, made = tmp_path / "weight.toml", {"mesh": tmp_path / "m.inp", "solve": tmp_path / "s.vtu"}
+    load.write_text('fixed = [{region = "w0"}]\ngravity = {acceleration_mm_s2 = [0, 0, -9810]}\n')
+    words_of = "gravity pulls at the ash density of the law, the mineral alone, which is not what bone weighs"
+    for command, output in made.items():
+        for law, warned in (("keyak-1998", True), ("wirtz-2000", False)):
+            how = [*words(bar)[:3], *SMALL, "--law", law, "--load", load, "-o", output]
+            status, _, err = run(command, *how)
+            assert status == 0 and (words_of in err) == warned
+            assert command == "solve" or ("Gravity takes them for weight" in output.read_text()) == warned

@@ -1,5 +1,6 @@
 """What the command line says of a volume, a patch, a mesh, a law and a run: lines of text."""
 
+import math
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
@@ -277,7 +278,9 @@ def response_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _vector(values: list[float]) -> str:
-    return "(" + ", ".join(f"{round(value, 2) + 0.0:.6g}" for value in values) + ")"
+    greatest = max(map(abs, values))
+    digits = max(2, 4 - math.floor(math.log10(greatest))) if greatest else 2  # small forces are not nothing
+    return "(" + ", ".join(f"{round(value, digits) + 0.0:.6g}" for value in values) + ")"
 
 
 def _by(values: Any, form: str = "") -> str:

@@ -19,7 +19,8 @@ from gpubspline.export.deck_material import NodalTable, Section, material_means
 from gpubspline.export.formats import Format
 from gpubspline.export.names import joined, named
 from gpubspline.export.units import Units
-from gpubspline.material.laws import Law
+from gpubspline.material.density import MASS_OF, WEIGHED
+from gpubspline.material.laws import Law, common_kind
 from gpubspline.mesh.mesh import Mesh
 
 ALL_NODES, BODY = "all_nodes", ("body", "all_elements")
@@ -222,6 +223,9 @@ def _comments(wanted: Wanted, words: str, loads: DeckLoads | None) -> Iterable[s
         yield f"Material law{of}: {law.name}, {law.title}"
         yield law.citation
         yield from (f"Not confirmed from its source: {part}" for part in law.unconfirmed)
+    if wanted.laws:
+        kind = common_kind(wanted.laws.values())
+        yield f"Densities are {kind}: {MASS_OF[kind]}." + (" Gravity takes them for weight." if kind != WEIGHED else "")
     if words:
         yield words
     if loads is not None:
