@@ -122,6 +122,24 @@ def test_crop_by_slices_and_box(run: Command, femur: Path, tmp_path: Path) -> No
     assert status == 0 and points[:, 2].min() > 8.999 and points[:, 2].max() < 33.001
 
 
+@pytest.mark.parametrize("slices", ["30:35", "-35:", "35:"])
+def test_slices_that_there_are_not_are_not_cut_silently(run: Command, femur: Path, tmp_path: Path, slices: str) -> None:
+    status, out, err = run("mesh", femur, "-o", tmp_path / "m.vtu", "--slices", slices)
+    words = f"expected --slices within 0:34, which is all there are, got {slices}\n"
+    assert (status, out) == (2, "") and err.endswith(words) and not (tmp_path / "m.vtu").exists()
+
+
+def test_a_body_of_flesh_by_otsu_is_asked_about(run: Command, tmp_path: Path) -> None:
+    """Of a scan of the trunk it parts the skin from the air; whoever wants the bone has to say so."""
+    hu = np.full((20, 30, 30), -1000, np.int16)
+    hu[2:-2, 4:-4, 4:-4], hu[5:-5, 12:18, 12:18] = 40, 700
+    np.save(tmp_path / "trunk.npy", hu)
+    words = ("mesh", tmp_path / "trunk.npy", "--spacing", "1,1,1", "--control", "5,5,5", "-o", tmp_path / "m.vtu")
+    status, _, err = run(*words)
+    assert status == 0 and "of what is meshed lies below 100 HU, where no bone is; --threshold 250" in err
+    assert "where no bone is" not in run(*words, "--threshold", "-200")[2]  # who gives one has chosen
+
+
 def test_own_law(run: Command, femur: Path, tmp_path: Path) -> None:
     law = tmp_path / "own.toml"
     law.write_text(

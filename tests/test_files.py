@@ -85,6 +85,8 @@ def test_what_cannot_be_written_is_refused(tmp_path):
         check_folder(tmp_path / "file")
     with pytest.raises(InputError, match="for two files of this run"):
         check_apart([tmp_path / "a", tmp_path / "b" / ".." / "a"])
+    with pytest.raises(InputError, match=r"got the input .*a, which would be lost"):
+        check_apart([tmp_path / "a"], [tmp_path / "b" / ".." / "a"])
 
 
 def test_space_is_taken_before_a_file_is_filled(tmp_path, monkeypatch):

@@ -22,7 +22,9 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_version(run: Any) -> None:
-    assert run("--version") == (0, f"gpubspline {version('gpubspline')}\n", "")
+    status, said, err = run("--version")
+    assert (status, err) == (0, "") and said.splitlines()[0] == f"gpubspline {version('gpubspline')}"
+    assert {f"warp-lang {version('warp-lang')}", f"pyopencl {version('pyopencl')}"} < set(said.splitlines())
 
 
 def test_a_name_that_begins_with_a_hyphen(run: Any, ball: str) -> None:

@@ -39,6 +39,10 @@ def test_without_a_screen_a_picture_is_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run("view", cube) == (0, "wrote cube.png, coloured by HU\n", "")
+    drawn = (tmp_path / "cube.png").read_bytes()
+    status, said, err = run("view", cube, "--field", "E")  # nobody named what it would replace
+    assert (status, said) == (2, "") and err.endswith("got one: -o cube.png replaces it\n")
+    assert (tmp_path / "cube.png").read_bytes() == drawn
     pixels = imread(tmp_path / "cube.png")[..., :3]
     colour = np.array(quantity("HU").scale(np.array([300.0]))[0].to_rgba(300.0)[:3])
     direction = pixels / np.maximum(np.linalg.norm(pixels, axis=2, keepdims=True), 1e-9)

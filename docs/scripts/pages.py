@@ -20,6 +20,7 @@ def commands() -> str:
     parts = ["# Commands\n", f"{app.info.help}\n", "Made from `gpubspline COMMAND --help`.\n"]
     for name, command in group.commands.items():
         parts += [f"## {name}\n", f"{command.help.strip()}\n", f"```text\n{_usage(name, command)}\n```\n"]
+        parts += ["```bash", *command.epilog.splitlines()[1:], "```\n"]
         panels: dict[str, list[Any]] = {}
         for parameter in command.params:
             if parameter.name != "help":

@@ -35,6 +35,9 @@ MOST_FINER = 0.5
 """Part of an element below which a feature is too thin to ask for hexes that follow it."""
 
 
+BONE_HU, MOST_SOFT = 100.0, 0.5
+"""HU from which on the laws speak of bone, and the share below it from which a body found by Otsu is asked about."""
+
 SMALL_MM = 1.0
 """Extent of a scan below which it is asked whether its unit is the millimetre: a biopsy in a micro-CT has several."""
 
@@ -57,6 +60,19 @@ def warn_of_labels(volume: Volume) -> None:
         warnings.warn(
             f"the scan has nothing but whole numbers from 0 to {max(counts)}, as a segmentation has: they are taken "
             "for HU; give the CT, and this with --mask",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+
+
+def warn_of_soft(volume: Volume, region: Region, threshold_hu: float) -> None:
+    """Warn where Otsu's threshold, which nobody chose, parts air from the body, and not bone from the rest."""
+    soft = float(np.mean(volume.hu[region.mask] < BONE_HU))
+    if threshold_hu < BONE_HU and soft > MOST_SOFT:
+        warnings.warn(
+            f"Otsu's threshold, {threshold_hu:.0f} HU, parts the body from air: {soft:.0%} of what is meshed lies "
+            f"below {BONE_HU:.0f} HU, where no bone is; --threshold 250, or about that, finds bone, and 'gpubspline "
+            "preview' draws what it takes",
             GpubsplineWarning,
             stacklevel=2,
         )

@@ -91,11 +91,19 @@ def check_folder(path: Path) -> None:
 
 def check_apart(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     """Raise ``InputError`` where an output would replace an input or another output."""
-    taken = {path.resolve() for path in inputs}
+    read, taken = {path.resolve() for path in inputs}, set[Path]()
     for path in outputs:
+        if path.resolve() in read:
+            raise InputError(f"expected a file of its own for each output, got the input {path}, which would be lost")
         if path.resolve() in taken:
             raise InputError(f"expected a file of its own for each output, got {path} for two files of this run")
         taken.add(path.resolve())
+
+
+def check_new(path: Path, option: str) -> None:
+    """Raise ``InputError`` where a name that nobody typed would replace a file: what is named by ``option`` may."""
+    if os.path.lexists(path):
+        raise InputError(f"expected no file {path}, whose name nobody gave, got one: {option} {path} replaces it")
 
 
 @contextmanager

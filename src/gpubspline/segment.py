@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.cautions import warn_of_everything, warn_of_labels, warn_of_units
+from gpubspline.cautions import warn_of_everything, warn_of_labels, warn_of_soft, warn_of_units
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.masks import open_labels, read_segment
@@ -67,6 +67,8 @@ def find_body(source: Source, clock: Clock) -> Body:
         region = region_from_threshold(volume, threshold, **options)
         if region.mask.all():
             warn_of_everything(volume, threshold)
+        elif source.threshold_hu is None:
+            warn_of_soft(volume, region, threshold)
         return Body(whole, volume, region, threshold, labels, source.partial_volume)
 
 

@@ -46,14 +46,14 @@ def find_window(
 
     Raises
     ------
-    InputError where nothing is left.
+    InputError where nothing is left, or slices are asked for that there are not.
     """
     first, last = np.zeros(3, dtype=int), np.array(volume.shape)
     if box_mm is not None:
         low, high = _box(volume, box_mm)
         first, last = np.maximum(first, low), np.minimum(last, high)
     if slices is not None:
-        start, stop, _ = slice(*slices).indices(volume.shape[2])
+        start, stop = _range(slices, volume.shape[2])
         first[2], last[2] = max(first[2], start), min(last[2], stop)
     if slice_index is not None:
         count = volume.shape[axis]
@@ -64,6 +64,16 @@ def find_window(
     if np.any(last <= first):
         raise InputError(f"expected a crop that leaves some of the {volume.shape} voxels, got none: {_extent(volume)}")
     return Window(_three(first), _three(last))
+
+
+def _range(slices: tuple[int | None, int | None], count: int) -> tuple[int, int]:
+    """First slice and the one after the last, both within the volume."""
+    given = [number for number in slices if number is not None]
+    if any(not -count <= number <= count for number in given):
+        ends = ":".join("" if number is None else str(number) for number in slices)
+        raise InputError(f"expected --slices within 0:{count}, which is all there are, got {ends}")
+    start, stop, _ = slice(*slices).indices(count)
+    return start, stop
 
 
 def _box(volume: Volume, box_mm: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

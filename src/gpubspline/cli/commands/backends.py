@@ -1,10 +1,10 @@
 """The devices of this machine."""
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options import RunOptions
 
 
-@app.command()
+@command(KNOW, "backends")
 def backends() -> None:
     """List the devices that kernels can run on."""
     from gpubspline.device import list_devices, open_device

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import MANY, command
 from gpubspline.cli.options import RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.cli.options.texts import device_name
@@ -16,7 +16,7 @@ from gpubspline.errors import InputError
 PRECISIONS = ("float32", "float64")
 
 
-@app.command()
+@command(MANY, "batch cohort.csv -o models", "batch cohort.csv -o models --retry --workers 4")
 @flattened
 def batch(
     manifest: Annotated[

@@ -5,11 +5,12 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
+from gpubspline.cli.options.groups import option
 from gpubspline.files import check_writable
 
 
-@app.command()
+@command(KNOW, "bench --quick", "bench --only material --device opencl:0:0 --json rows.json")
 def bench(
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="may be given again", show_default="all")
@@ -19,10 +20,8 @@ def bench(
         typer.Option(metavar="NAME", help="see 'gpubspline backends'; may be given again", show_default="all"),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="smaller sizes: minutes")] = False,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="the rows, .json", show_default=False)] = None,
-    chart: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="time and memory against nodes, .png", show_default=False)
-    ] = None,
+    json: Annotated[Path | None, option("Output", "the rows, .json", metavar="FILE")] = None,
+    chart: Annotated[Path | None, option("Output", "time and memory against nodes, .png", metavar="FILE")] = None,
 ) -> None:
     """Measure each piece of work beside its peers and the memory bandwidth of this machine."""
     from gpubspline.bench import bench_scale, run

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options import OutputOptions, ReportOptions, RunOptions, SamplingOptions, SplineOptions, flattened
 from gpubspline.errors import InputError
 
 
-@app.command()
+@command(KNOW, "demo", "demo my_folder")
 @flattened
 def demo(
     context: typer.Context,

@@ -5,14 +5,16 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import SOLVE, command
 from gpubspline.cli.options import DeckOptions, RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.cli.options.output import MeshFile
 from gpubspline.files import check_apart, check_writable
 
 
-@app.command()
+@command(
+    SOLVE, "export femur.vtu --load stance -o femur.inp", "export l3.vtu --load press.toml --units m-N-Pa -o l3.cdb"
+)
 @flattened
 def export(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="mesh file, such as .vtu", show_default=False)],

@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import MAKE, command
 from gpubspline.cli.arguments import InputPaths
 from gpubspline.cli.options import ReadOptions, RegionOptions, RunOptions, SplineOptions, flattened
 from gpubspline.cli.options.groups import option
@@ -15,7 +15,11 @@ ModelOutput = Annotated[
 ]
 
 
-@app.command()
+@command(
+    MAKE,
+    "fit dicom_folder --threshold 250 -o femur.npz",
+    "fit ct.nii.gz --mask femur.nii.gz --control 14,24,46 -o femur.npz",
+)
 @partial(flattened, without=("labels",))  # a model has no elements to be in sets
 def fit(
     source: InputPaths,

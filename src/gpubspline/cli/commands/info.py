@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import LOOK, command
 from gpubspline.cli.options import ReadOptions, RunOptions, flattened
 from gpubspline.errors import InputError
 
 
-@app.command()
+@command(LOOK, "info ct.nii.gz", "info dicom_folder", "info labels.nii.gz", "info femur.vtu")
 @flattened
 def info(
     source: Annotated[

@@ -5,14 +5,14 @@ from typing import Annotated, Any
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options import RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.errors import InputError
 from gpubspline.files import check_apart, check_writable
 
 
-@app.command()
+@command(KNOW, "laws", "laws --compare femur.vtu -o laws.png")
 @flattened
 def laws(
     run: RunOptions,

@@ -2,7 +2,7 @@
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import MAKE, command
 from gpubspline.cli.arguments import SolidPaths
 from gpubspline.cli.options import (
     DeckOptions,
@@ -20,7 +20,13 @@ from gpubspline.cli.solid import find_any_body, make_model
 from gpubspline.errors import InputError
 
 
-@app.command()
+@command(
+    MAKE,
+    "mesh dicom_folder --threshold 250 -o bone.vtu --report bone.html",
+    "mesh ct.nii.gz --mask labels.nii.gz --label 22 -o l3.feb",
+    "mesh bone.stl --ct dicom_folder --elements 20000 -o bone.inp",
+    "mesh ct.nii.gz --threshold -200 --slice 10 -o slice.vtu",
+)
 @flattened
 def mesh(
     context: typer.Context,

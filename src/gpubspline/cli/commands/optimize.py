@@ -5,13 +5,13 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import JUDGE, command
 from gpubspline.cli.options import ReportOptions, RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
 
 
-@app.command()
+@command(JUDGE, "optimize femur.vtu -o better.vtu", "optimize femur.vtu --surface stay -o better.inp")
 @flattened
 def optimize(
     context: typer.Context,

@@ -5,14 +5,14 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options import RunOptions
 from gpubspline.cli.options.groups import completion, option
 
 PHANTOMS = "child-femur|adult-femur|head"
 
 
-@app.command()
+@command(KNOW, "phantom adult-femur femur_ct", "phantom head head_ct")
 def phantom(
     name: Annotated[str, typer.Argument(metavar=PHANTOMS, show_default=False, autocompletion=completion(PHANTOMS))],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="new folder of the series", show_default=False)],

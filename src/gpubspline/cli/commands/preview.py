@@ -4,13 +4,17 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import LOOK, command
 from gpubspline.cli.arguments import InputPaths
 from gpubspline.cli.options import ReadOptions, RegionOptions, RunOptions, SplineOptions, flattened
 from gpubspline.cli.options.groups import option
 
 
-@app.command()
+@command(
+    LOOK,
+    "preview dicom_folder --threshold 250 -o slices.png",
+    "preview ct.nii.gz --mask labels.nii.gz --label 22 -o l3.png",
+)
 @partial(flattened, without=("labels", "slice_index"))  # it draws a body
 def preview(
     source: InputPaths,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import JUDGE, command
 from gpubspline.cli.options import ReportOptions, RunOptions, flattened
 from gpubspline.cli.options.groups import option
 from gpubspline.files import check_apart, check_writable
@@ -14,7 +14,7 @@ SummaryOutput = Annotated[Path | None, option("Output", "figures, .json", metava
 HistogramOutput = Annotated[Path | None, option("Output", "scaled Jacobians, .png", metavar="FILE")]
 
 
-@app.command()
+@command(JUDGE, "quality femur.vtu", "quality femur.inp --histogram femur.png --summary femur.json")
 @flattened
 def quality(
     context: typer.Context,

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options import RunOptions, flattened
 from gpubspline.cli.options.groups import option
 
 
-@app.command()
+@command(KNOW, "reproduce -o paper", "reproduce -o paper --only fig3 --only fig13")
 @flattened
 def reproduce(
     folder: Annotated[

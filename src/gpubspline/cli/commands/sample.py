@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import MAKE, command
 from gpubspline.cli.options import DeckOptions, OutputOptions, RunOptions, SamplingOptions, flattened
 
 
-@app.command()
+@command(
+    MAKE, "sample femur.npz --nodes 40,60,120 -o fine.vtu", "sample femur.npz --nodes 14,24,46 --order 2 -o femur.inp"
+)
 @flattened
 def sample(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="model file of 'gpubspline fit'", show_default=False)],

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import SOLVE, command
 from gpubspline.cli.options import (
     MethodOptions,
     ReadOptions,
@@ -21,7 +21,11 @@ from gpubspline.cli.options import (
 from gpubspline.cli.solid import find_model
 
 
-@app.command()
+@command(
+    SOLVE,
+    "solve femur.vtu --load stance -o stressed.vtu --report run.html",
+    "solve ct.nii.gz --mask l3.nii.gz --load press.toml -o pressed.vtu",
+)
 @partial(flattened, without=("slice_index",))  # quads are not solved
 def solve(
     context: typer.Context,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import SOLVE, command
 from gpubspline.cli.options import (
     ReadOptions,
     RegionOptions,
@@ -22,7 +22,11 @@ from gpubspline.cli.solid import is_model
 from gpubspline.errors import InputError
 
 
-@app.command()
+@command(
+    SOLVE,
+    "study dicom_folder --threshold 250 --load stance -o study",
+    "study femur.npz --load stance --nodes-list '8x8x9 12x12x17' -o s",
+)
 @partial(flattened, without=("nodes", "slice_index", "optimize"))  # it samples solids, --nodes-list times
 def study(
     context: typer.Context,

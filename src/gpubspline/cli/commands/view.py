@@ -5,14 +5,14 @@ from typing import Annotated
 
 import typer
 
-from gpubspline.cli.app import app
+from gpubspline.cli.app import JUDGE, command
 from gpubspline.cli.options import RunOptions
 from gpubspline.cli.options.groups import option
 from gpubspline.errors import BackendUnavailable
-from gpubspline.files import check_apart, check_writable
+from gpubspline.files import check_apart, check_new, check_writable
 
 
-@app.command()
+@command(JUDGE, "view femur.vtu -o femur.png", "view stressed.vtu --field von_mises --clip y --from AL -o cut.png")
 def view(
     mesh: Annotated[Path, typer.Argument(metavar="MESH", help="any mesh file meshio reads", show_default=False)],
     field: Annotated[
@@ -31,7 +31,7 @@ def view(
         Path | None,
         option(
             "Output",
-            "picture, .png (default: a window, or MESH.png without a screen)",
+            "picture, .png (default: a window, or a new MESH.png without a screen)",
             "--output",
             "-o",
             metavar="FILE",
@@ -54,6 +54,8 @@ def view(
         check_png(path)
         check_writable(path)
         check_apart([path], [mesh])
+        if output is None:
+            check_new(path, "-o")
     with RunOptions().clock() as clock, clock.stage("read"):
         found = read_mesh(mesh)
         if not found.fields and not found.cell_fields:
@@ -67,6 +69,7 @@ def view(
         except BackendUnavailable as error:
             typer.echo(f"gpubspline: warning: no window: {error}", err=True)
             check_writable(path)
+            check_new(path, "-o")
     with RunOptions().clock() as clock, clock.stage("picture"):
         write_picture(found, path, field=name, view=seen, clip=clip, edges=True if edges else None)
     typer.echo(f"wrote {path}, coloured by {name}")

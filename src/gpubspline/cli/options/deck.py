@@ -29,7 +29,7 @@ class DeckOptions:
 
     format: Annotated[
         str | None,
-        option("Deck", "format, where not the extension's", "--format", metavar="NAME", complete=complete_format),
+        option("Deck", "format (default: by the extension)", "--format", metavar="NAME", complete=complete_format),
     ] = None
     units: Annotated[str, option("Deck", "system of units", metavar="mm-N-MPa|m-N-Pa")] = "mm-N-MPa"
     load: Annotated[
@@ -42,7 +42,8 @@ class DeckOptions:
         ),
     ] = None
     modulus_bins: Annotated[
-        int | None, option("Deck", "N element sets by modulus, instead of a modulus by node", metavar="N")
+        int | None,
+        option("Deck", "N element sets by modulus (default: a modulus by node where the format has one)", metavar="N"),
     ] = None
     nodal_modulus: Annotated[bool, option("Deck", "refuse a format without a modulus by node", "--nodal-modulus")] = (
         False

@@ -30,7 +30,9 @@ class MethodOptions:
         float | None,
         option("Mesh", "element size of butterfly, blocks (default: by the thinnest feature)", metavar="MM"),
     ] = None
-    elements: Annotated[int | None, option("Mesh", "number of elements instead, about", metavar="N")] = None
+    elements: Annotated[int | None, option("Mesh", "number of elements, about (default: by --size)", metavar="N")] = (
+        None
+    )
     conforming: Annotated[
         bool,
         option("Mesh", "blocks: faces follow the boundary between --labels", "--conforming/--no-conforming"),
@@ -42,7 +44,7 @@ class MethodOptions:
         Path | None, option("Output", "picture of thin features and of what the mesh leaves out, .png", metavar="FILE")
     ] = None
     ct: Annotated[
-        Path | None, option("Input", "CT for the material, where the input is a surface", metavar="FILE|DIR")
+        Path | None, option("Input", "CT for the material of a surface (default: none)", metavar="FILE|DIR")
     ] = None
 
     def check(self, others: Sequence[Path]) -> None:

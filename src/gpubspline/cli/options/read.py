@@ -11,9 +11,13 @@ from gpubspline.cli.options.texts import numbers
 class ReadOptions:
     """How a CT is read."""
 
-    series: Annotated[str | None, option("Input", "SeriesInstanceUID, where not the largest CT series")] = None
+    series: Annotated[
+        str | None, option("Input", "SeriesInstanceUID (default: the largest CT series)", metavar="UID")
+    ] = None
     allow_gaps: Annotated[bool, option("Input", "fill missing slices by interpolation", "--allow-gaps")] = False
-    spacing: Annotated[str | None, option("Input", "voxel spacing of a .npy file, mm", metavar="DI,DJ,DK")] = None
+    spacing: Annotated[
+        str | None, option("Input", "voxel spacing of a .npy file, mm, which has none of its own", metavar="DI,DJ,DK")
+    ] = None
 
     def reading(self) -> dict[str, Any]:
         """Keywords of ``read_volume``."""

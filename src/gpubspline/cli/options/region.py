@@ -14,22 +14,32 @@ from gpubspline.cli.options.texts import numbers, slice_range
 class RegionOptions:
     """Which part of a CT is meshed."""
 
-    box: Annotated[str | None, option("Input", "crop to a box, LPS mm", metavar="X0,X1,Y0,Y1,Z0,Z1")] = None
-    slices: Annotated[str | None, option("Input", "crop to slices A to B - 1 along k", metavar="A:B")] = None
+    box: Annotated[str | None, option("Input", "crop to a box, LPS mm (default: all)", metavar="X0,X1,Y0,Y1,Z0,Z1")] = (
+        None
+    )
+    slices: Annotated[
+        str | None,
+        option(
+            "Input", "crop to slices A to B - 1 along k, from 0, negative from the last (default: all)", metavar="A:B"
+        ),
+    ] = None
     slice_index: Annotated[
-        int | None, option("Input", "mesh slice K with quads, -1 for the last", "--slice", metavar="K")
+        int | None,
+        option("Input", "mesh slice K with quads, -1 for the last (default: a solid of all)", "--slice", metavar="K"),
     ] = None
     threshold: Annotated[
         float | None, option("Region", "what lies above is body (default: Otsu's threshold)", metavar="HU")
     ] = None
     mask: Annotated[
-        Path | None, option("Region", "label image on the CT's grid, DICOM SEG or RTSTRUCT", metavar="FILE")
+        Path | None,
+        option("Region", "label image on the CT's grid, DICOM SEG or RTSTRUCT (default: --threshold)", metavar="FILE"),
     ] = None
     label: Annotated[
         str | None, option("Region", "label in it, as 'info' lists them (default: all but 0)", metavar="NAME|N")
     ] = None
     labels: Annotated[
-        Path | None, option("Region", "segmentation whose labels become element sets", metavar="FILE")
+        Path | None,
+        option("Region", "segmentation whose labels become element sets (default: one body)", metavar="FILE"),
     ] = None
     fill: Annotated[
         str | None,

@@ -15,7 +15,9 @@ class RunOptions:
     """Where kernels run, and what is said meanwhile."""
 
     backend: Annotated[str, option("Run", "kernel backend", metavar="auto|warp|opencl")] = "auto"
-    device: Annotated[str | None, option("Run", "see 'gpubspline backends'", metavar="NAME")] = None
+    device: Annotated[str | None, option("Run", "see 'gpubspline backends' (default: the first)", metavar="NAME")] = (
+        None
+    )
     precision: Annotated[str, option("Run", "of the kernels", metavar="float32|float64")] = "float32"
     quiet: Annotated[bool, option("Run", "print warnings and errors only", "--quiet", "-q")] = False
 

@@ -17,7 +17,9 @@ class SamplingOptions:
         str | None, option("Mesh", "samples per direction (default: as control points)", metavar="U,V[,[R,]W]")
     ] = None
     order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
-    element: Annotated[str | None, option("Mesh", "element type instead, such as hex27", metavar="TYPE")] = None
+    element: Annotated[
+        str | None, option("Mesh", "element type, such as hex27 (default: by --order)", metavar="TYPE")
+    ] = None
     optimize: Annotated[
         bool, option("Mesh", "move nodes for better hexes, those of the surface along it", "--optimize")
     ] = False
@@ -34,7 +36,7 @@ class SamplingOptions:
     out_of_range: Annotated[str, option("Material", "HU that the law does not cover", metavar="clamp|floor|error")] = (
         "clamp"
     )
-    floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor'", metavar="MPA")] = None
+    floor_modulus: Annotated[float | None, option("Material", "modulus of 'floor' (default: 1)", metavar="MPA")] = None
     mapping: Annotated[
         str | None,
         option(
@@ -46,16 +48,22 @@ class SamplingOptions:
     ] = None
     transverse_law: Annotated[
         str | None,
-        option("Material", "law across w: orthotropic elements, --law along w", metavar="NAME|FILE.toml"),
+        option(
+            "Material",
+            "law across w: orthotropic elements, --law along w (default: isotropic)",
+            metavar="NAME|FILE.toml",
+        ),
     ] = None
     quadrature: Annotated[
         int | None, option("Material", "points per direction of *-hu and *-e (default: by the voxels)", metavar="N")
     ] = None
     surface_depth: Annotated[
-        float | None, option("Material", "read HU near the surface this far inside", metavar="MM")
+        float | None,
+        option("Material", "read HU near the surface this far inside (default: where they lie)", metavar="MM"),
     ] = None
     calibration: Annotated[
-        Path | None, option("Material", "HU to density: line, table, rods or tissues", metavar="FILE.toml")
+        Path | None,
+        option("Material", "HU to density: line, table, rods or tissues (default: the law's own)", metavar="FILE.toml"),
     ] = None
 
     def __post_init__(self) -> None:

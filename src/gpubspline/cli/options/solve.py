@@ -15,7 +15,7 @@ Modulus = Annotated[
     str, option("Solve", "interpolated inside the elements, or one mean each", metavar="graded|element")
 ]
 Formulation = Annotated[str, option("Solve", "of hex8; 'incompatible' bends freely", metavar="full|incompatible|bbar")]
-Tolerance = Annotated[float, option("Solve", "forces out of balance, of the loads")]
+Tolerance = Annotated[float, option("Solve", "forces out of balance, as a part of the loads", metavar="PART")]
 
 
 @dataclass
