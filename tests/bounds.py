@@ -6,10 +6,8 @@ With ``AS_GPU=1`` the CPU is used as a GPU is, without lanes, without padding an
 
 import os
 import tempfile
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import warp
 
 from gpubspline.device import warp as backend
@@ -21,21 +19,13 @@ warp.config.kernel_cache_dir = os.path.join(tempfile.gettempdir(), "gpubspline-b
 
 
 def _as_gpu(device: Any) -> None:
-    make, find = device.__init__, device._find
+    make = device.__init__
 
     def made(self: Any, *args: Any) -> None:
         make(self, *args)
-        self.cores = 0
+        self.cores, self._lanes, self._padding = 0, (1,), 0
 
-    def unpadded(self: Any, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
-        kind = self._warp.dtype_from_numpy(np.dtype(self.real if dtype is None else dtype))
-        return self._warp.empty(int(np.prod(shape, dtype=np.int64)), dtype=kind, device=self._device).reshape(shape)
-
-    def by_one(self: Any, kernel: str) -> Any:
-        self._found[kernel] = replace(find(self, kernel), counts=(1,))
-        return self._found[kernel]
-
-    device.__init__, device.empty, device._find = made, unpadded, by_one
+    device.__init__ = made
 
 
 if os.environ.get("AS_GPU"):

@@ -52,7 +52,7 @@ def _poison(device: Any) -> None:
         kind = np.dtype(device.real if dtype is None else dtype)
         value = np.array(np.nan if kind.kind == "f" else UNWRITTEN).astype(kind)
         if device.backend == "warp" and buffer.size:
-            buffer.fill_(value.item())
+            buffer.flat.fill_(value.item())
         elif device.backend == "opencl":
             pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, value, 0, buffer.memory.size)
         return buffer

@@ -197,6 +197,7 @@ def test_opencl_finishes_before_it_is_let_go() -> None:
 CHECKED = """
 import warp
 warp.config.mode = "debug"  # every index is compared with the buffer's size; what is out of it ends the process
+warp.config.enable_tiles_in_stack_memory = False  # a pointer of such builds that all threads share
 import numpy as np
 from gpubspline import open_device
 from gpubspline.spline.hyperpatch import hyperpatch

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -52,14 +53,45 @@ CPU_LANES = (32, 8, 1)  # the most that a row holds
 GPU_BLOCK = 256  # threads of a GPU that share a cache
 
 
+@dataclass(frozen=True, eq=False)
+class WarpBuffer:
+    """Device memory with the shape it was made with; kernels see it flat.
+
+    Attributes
+    ----------
+    flat: the Warp array.
+    packed: what a kernel is passed of it.
+    """
+
+    flat: Any
+    shape: tuple[int, ...]
+    dtype: "np.dtype[Any]"
+    packed: Any
+
+    @property
+    def size(self) -> int:
+        """Elements, padding left out."""
+        return int(self.flat.size)
+
+
 @dataclass(frozen=True)
 class _Found:
-    """A kernel, whether it takes ``lanes``, how many a row may be cut into, and which arguments are lane arrays."""
+    """A kernel, whether it takes ``lanes``, and how many a row may be cut into."""
 
     function: Any
     wide: bool
     counts: tuple[int, ...]
-    positions: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Commands:
+    """A kernel for arguments of some types, and launches of it that wait to be used again.
+
+    To set the arguments of one takes a fifth of the time that Warp needs to check and pack those of a new one.
+    """
+
+    function: Any
+    idle: list[Any]
 
 
 class WarpDevice:
@@ -77,44 +109,52 @@ class WarpDevice:
         self._real = warp.float64 if real == np.float64 else warp.float32
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self._found: dict[str, _Found] = {}
-        self._overloads: dict[Any, Any] = {}
+        self._commands: dict[Any, _Commands] = {}
+        self._lanes = CPU_LANES if self._device.is_cpu else (1,)
+        self._padding = CPU_LANES[0] if self._device.is_cpu else 0
         self.block = 1 if self._device.is_cpu else GPU_BLOCK
         self._pool = ThreadPoolExecutor(self._threads) if self._device.is_cpu else None
         self.cores = self._threads if self._device.is_cpu else 0
 
-    def put(self, array: Any) -> Any:
-        """Upload, the last index fastest; what is on a Warp device already comes back as it is."""
-        if isinstance(array, self._warp.array):
+    def put(self, array: Any) -> WarpBuffer:
+        """Upload, the last index fastest; what is on a Warp device already stays there."""
+        if isinstance(array, WarpBuffer):
             return array
+        if isinstance(array, self._warp.array):
+            return self._buffer(array.flatten(), array.shape, self._warp.dtype_to_numpy(array.dtype))
         values = np.asarray(array)
         dtype = buffer_type(values, self.real)
         buffer = self.empty(values.size, dtype)
         if self._device.is_cpu:
-            buffer.numpy().reshape(values.shape)[...] = values
+            buffer.flat.numpy().reshape(values.shape)[...] = values
         elif values.size:
-            buffer.assign(np.ascontiguousarray(values, dtype=dtype).reshape(-1))
+            buffer.flat.assign(np.ascontiguousarray(values, dtype=dtype).reshape(-1))
         return buffer
 
-    def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> Any:
-        """Reserve a buffer, on a CPU padded by the lanes that a kernel may read past its end; kernels see it flat."""
+    def empty(self, shape: int | tuple[int, ...], dtype: Any = None) -> WarpBuffer:
+        """Reserve a buffer, on a CPU padded by the lanes that a kernel may read past its end."""
+        shape = (shape,) if isinstance(shape, int) else tuple(map(int, shape))
         kind = np.dtype(self.real if dtype is None else dtype)
-        size = int(np.prod(shape, dtype=np.int64))
-        padded = size + CPU_LANES[0] if size and self._device.is_cpu else size
+        size = prod(shape)
+        padded = size + self._padding if size else 0
         try:
             whole = self._warp.empty(padded, dtype=self._warp.dtype_from_numpy(kind), device=self._device)
         except (RuntimeError, ValueError) as error:
             raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
         if self._device.is_cpu:
             ask_for_large_pages(whole.ptr or 0, padded * kind.itemsize)
-        return whole[:size].reshape(shape) if size else whole.reshape(shape)
+        return self._buffer(whole if padded == size else whole[:size], shape, kind)
 
-    def get(self, buffer: Any) -> NDArray[Any]:
-        """Download."""
-        return np.asarray(buffer.numpy())
+    def _buffer(self, flat: Any, shape: tuple[int, ...], dtype: "np.dtype[Any]") -> WarpBuffer:
+        return WarpBuffer(flat, shape, dtype, flat.__ctype__())
 
-    def copy(self, source: Any, target: Any) -> None:
+    def get(self, buffer: WarpBuffer) -> NDArray[Any]:
+        """Download; on a CPU the array is the buffer's own memory."""
+        return np.asarray(buffer.flat.numpy()).reshape(buffer.shape)
+
+    def copy(self, source: WarpBuffer, target: WarpBuffer) -> None:
         """Copy a buffer to one of the same shape and type."""
-        self._warp.copy(target, source)
+        self._warp.copy(target.flat, source.flat)
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel, in vectors of lanes where it is written so; see ``kernels/lanes.py``."""
@@ -126,72 +166,67 @@ class WarpDevice:
         if found.wide:
             lanes = next(count for count in found.counts if shape[-1] >= count)
             shape, last = (*shape[:-1], -(-shape[-1] // lanes)), [lanes]
-        inputs = [self._argument(value) for value in args]
-        for position in found.positions:
-            inputs[position] = self._in_lanes(inputs[position], lanes)
-        self._launch_shares(kernel, found.function, shape, inputs, last)
+        kinds = (kernel, lanes, *(getattr(value, "dtype", type(value)) for value in args))
+        values = [value.packed if isinstance(value, WarpBuffer) else value for value in args]
+        commands = self._commands.get(kinds)
+        if commands is None:  # the first launch compiles, which two threads must not do at once
+            self.on_build(kernel)
+            commands = _Commands(self._overload(found.function, lanes, args), [])
+            commands.idle.append(self._command(commands.function, shape, [*values, 0, *last]))
+            self.on_build("")
+            self._commands[kinds] = commands
+        self._launch_shares(commands, shape, values, last)
 
     def _find(self, kernel: str) -> _Found:
         """Look a kernel up, once; by ``REGISTER`` a module of kernels wants vectors of so many bytes on a CPU."""
         module, name = find_kernel(kernel)
         home = importlib.import_module(module)
-        function, lanes = getattr(home, name), importlib.import_module("gpubspline.kernels.lanes")
-        register, kinds = getattr(home, "REGISTER", None), (lanes.LaneArray, lanes.IntLaneArray)
-        counts = (register // self.real.itemsize, 8, 1) if register else CPU_LANES
-        arguments = function.adj.args
-        positions = tuple(n for n, each in enumerate(arguments) if any(each.type is kind for kind in kinds))
-        wide = arguments[-1].label == "lanes"
-        found = _Found(function, wide, counts if self._device.is_cpu else (1,), positions)
+        function, register = getattr(home, name), getattr(home, "REGISTER", None)
+        counts = (register // self.real.itemsize, 8, 1) if register else self._lanes
+        wide = function.adj.args[-1].label == "lanes"
+        found = _Found(function, wide, counts if len(self._lanes) > 1 else (1,))
         self._found[kernel] = found
         return found
 
-    def _launch_shares(
-        self, kernel: str, function: Any, shape: tuple[int, ...], inputs: list[Any], last: list[int]
-    ) -> None:
+    def _overload(self, function: Any, lanes: int, args: tuple[Any, ...]) -> Any:
+        """Find the kernel for arguments of these types; lane arrays hold vectors, one from every element on."""
+        if not function.is_generic:
+            return function
+        in_lanes = importlib.import_module("gpubspline.kernels.lanes")
+        types = [int] * len(function.adj.args)
+        for position, value in enumerate(args):
+            if isinstance(value, WarpBuffer):
+                element, asked = value.flat.dtype, function.adj.args[position].type
+                if asked is in_lanes.LaneArray or asked is in_lanes.IntLaneArray:
+                    element = self._warp.types.vector(lanes, element)
+                types[position] = self._warp.array(dtype=element)
+            elif isinstance(value, float | np.floating):
+                types[position] = self._real
+        return self._warp.overload(function, types)
+
+    def _command(self, function: Any, shape: tuple[int, ...], values: list[Any]) -> Any:
+        return self._warp.launch(function, shape, values, device=self._device, block_dim=self.block, record_cmd=True)
+
+    def _launch_shares(self, commands: _Commands, shape: tuple[int, ...], values: list[Any], last: list[int]) -> None:
         """Launch once for each thread, this one too; its share of the outermost dimension begins at ``first``."""
         shares = min(self._threads, shape[0]) if self._pool else 1
 
         def run(share: int) -> None:
             start, stop = shape[0] * share // shares, shape[0] * (share + 1) // shares
-            part = (stop - start, *shape[1:])
-            every = [*inputs, start, *last]
-            self._warp.launch(self._overloads[kinds], part, every, device=self._device, block_dim=self.block)
+            part, every = (stop - start, *shape[1:]), [*values, start, *last]
+            try:
+                command = commands.idle.pop()
+            except IndexError:  # in use by other threads
+                command = self._command(commands.function, part, every)
+            else:
+                command.set_dim(part)
+                command.set_params_from_ctypes(every)
+            command.launch()
+            commands.idle.append(command)
 
-        started = 0
-        kinds = (function, *(getattr(value, "dtype", type(value)) for value in inputs))
-        if kinds not in self._overloads:  # the first launch compiles, which two threads must not do at once
-            self._overloads[kinds] = self._overload(function, [*inputs, 0, *last])
-            self.on_build(kernel)
-            run(0)
-            self.on_build("")
-            started = 1
-        others = self._pool.map(run, range(started, shares - 1)) if self._pool else ()
-        if started < shares:
-            run(shares - 1)
+        others = self._pool.map(run, range(shares - 1)) if self._pool else ()
+        run(shares - 1)
         list(others)
-
-    def _overload(self, function: Any, inputs: list[Any]) -> Any:
-        """Find the kernel for inputs of these types, which takes Warp longer than many a launch."""
-        types = [value if isinstance(value, self._warp.array) else type(value) for value in inputs]
-        return self._warp.overload(function, types) if function.is_generic else function
-
-    def _in_lanes(self, flat: Any, lanes: int) -> Any:
-        """See an array as overlapping vectors, one from every element on."""
-        return self._warp.array(
-            ptr=flat.ptr,
-            dtype=self._warp.types.vector(lanes, flat.dtype),
-            shape=(flat.size,),
-            strides=flat.strides,
-            device=self._device,
-            capacity=flat.capacity,
-        )
-
-    def _argument(self, value: Any) -> Any:
-        if isinstance(value, self._warp.array):
-            return value if value.ndim == 1 else value.flatten()
-        if isinstance(value, float | np.floating):
-            return self._real(value)
-        return int(value)
 
     def wait(self) -> None:
         """Return when everything launched has finished."""
