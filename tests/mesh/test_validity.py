@@ -154,6 +154,33 @@ def test_inverted_collapsed_and_flat_elements_are_not_certified(element_type, de
     found = certify(mesh, device)
     assert found.verdict.tolist() == [-1, -1, -1, -1, 1] and found.lower[4] == pytest.approx(1)
     assert np.isfinite(found.lower).all() and np.isfinite(found.upper).all()
+    np.testing.assert_array_equal([found.lower[[0, 2, 3]], found.upper[[0, 2, 3]]], [[-1, 0, 0]] * 2)  # no mean
+
+
+def test_what_is_not_cut_far_enough_stays_open(device, monkeypatch):
+    """Fewer cuts give wider bounds; what they do not decide is not certified."""
+    mesh = distorted("hex27", 100)
+    whole = certify(mesh, device)
+    monkeypatch.setattr("gpubspline.mesh.validity.DEPTH", 0)
+    found = certify(mesh, device)
+    assert np.all(found.lower <= whole.lower + 1e-12) and np.all(found.upper >= whole.upper - 1e-12)
+    assert np.all((found.verdict == whole.verdict) | (found.verdict == 0)) and (found.verdict == 0).sum() > 10
+
+
+@pytest.mark.parametrize(("far_mm", "thickness", "dtype"), [(1e6, 1e-4, np.float64), (0.5, 1e-9, np.float32)])
+def test_rounding_certifies_nothing(far_mm, thickness, dtype, device, monkeypatch):
+    """Sheared hexes inverted by so little that in float32 some come out upright: by their places, or by the sums."""
+    monkeypatch.setattr("gpubspline.mesh.validity._in_float64", lambda device: device)
+    rng, n, shape = np.random.default_rng(0), 4000, unit("hex8")
+    size = np.ones((n, 1, 3))
+    size[:, 0, 2] = -thickness * 10 ** rng.uniform(-1, 1, n)
+    turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))[:, None, None]
+    points = (shape * size + shape[:, 2:] * [0.7, 0.4, 0]) @ turn + far_mm * rng.uniform(-1, 1, (n, 1, 3))
+    mesh = Mesh(points.reshape(-1, 3).astype(dtype), "hex8", connectivity=np.arange(8 * n).reshape(n, 8))
+    assert not (certify(mesh, device).verdict == 1).any()
+    monkeypatch.setattr("gpubspline.mesh.validity._margin", lambda mesh, *others: np.zeros(mesh.n_elements))
+    assert (certify(mesh, device).verdict == 1).any()
 
 
 def test_structured_and_explicit_meshes_agree(device):
