@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import warnings
 from collections import namedtuple
 from importlib.metadata import version
 from pathlib import Path
@@ -9,6 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from gpubspline.cautions import warn_of_hu
+from gpubspline.ct.volume import Volume
 
 ONE_MM = ("--spacing", "1,1,1")
 
@@ -109,6 +113,26 @@ def test_a_segmentation_is_told_of_label_by_label(run: Any, ball: str) -> None:
     size = ("--method", "tensor", "--threshold", "5", "--nodes", "3,3,3", "--control", "3,3,2", "-o", "m.vtu")
     err = run("mesh", "labels.npy", *ONE_MM, *size)[2]
     assert "nothing but whole numbers from 0 to 22, as a segmentation has: they are taken for HU; give the CT" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda hu: hu + 1024, "no value is below 0, as where HU + 1024 is stored"),
+        (lambda hu: hu - 1024, "lie below -1100 and above -2034, as where 1024 is taken off twice"),
+        (lambda hu: np.where(hu < 0, hu + 65536.0, hu), "values go up to 64,"),
+        (lambda hu: (hu + 1024) / 4096, "all values are from 0.00"),
+        (lambda hu: hu, None),
+        (lambda hu: np.where(np.hypot(*np.indices(hu.shape)[1:]) < 3, -3024, hu), None),
+    ],
+)
+def test_values_that_are_hardly_hu_are_asked_about(change: Any, words: str | None) -> None:
+    noise = np.random.default_rng(2).integers(-10, 10, (9, 9, 9))
+    hu = np.where(np.indices((9, 9, 9))[2] < 5, -1000, 300) + noise
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        warn_of_hu(Volume(np.asarray(change(hu), np.float32), np.eye(4)))
+    assert [words in str(one.message) for one in told] == ([True] if words else [])
 
 
 def test_a_ct_is_no_mask(run: Any, ball: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from gpubspline.clock import Clock
 from gpubspline.ct.labels import MOST_LABELS, label_counts
 from gpubspline.ct.region import Region
-from gpubspline.ct.volume import Volume
+from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import GpubsplineWarning
 from gpubspline.material.density import MASS_OF, WEIGHED, steps_between
 from gpubspline.mesh.blocks.result import BlocksReport, BodyReport
@@ -41,6 +41,15 @@ BONE_HU, MOST_SOFT = 100.0, 0.5
 SMALL_MM = 1.0
 """Extent of a scan below which it is asked whether its unit is the millimetre: a biopsy in a micro-CT has several."""
 
+BELOW_AIR_HU, UNDER = -1100, 0.02
+"""HU that noise and metal bring few voxels below, and the share of a scan there from which they are no HU."""
+
+MOST_HU = 32767
+"""HU above those of any metal on the extended scale of scanners, whose 16 bits are signed."""
+
+LEAST_RANGE_HU = 10.0
+"""Range of a scan that has two tissues in it; one from 0 to 1 is of attenuation, of density or scaled."""
+
 
 def warn_of_units(volume: Volume) -> None:
     """Warn where a scan is so small that its spacing may be in metres or centimetres."""
@@ -53,16 +62,37 @@ def warn_of_units(volume: Volume) -> None:
         )
 
 
-def warn_of_labels(volume: Volume) -> None:
-    """Warn where what was given for the CT looks like a segmentation: its numbers would be taken for HU."""
+def warn_of_labels(volume: Volume) -> bool:
+    """Warn where what was given for the CT looks like a segmentation, whose numbers are no HU; tell whether it does."""
     counts = label_counts(volume.hu)
-    if counts and max(counts) <= MOST_LABELS:
+    looks_so = bool(counts) and max(counts) <= MOST_LABELS
+    if looks_so:
         warnings.warn(
             f"the scan has nothing but whole numbers from 0 to {max(counts)}, as a segmentation has: they are taken "
             "for HU; give the CT, and this with --mask",
             GpubsplineWarning,
             stacklevel=2,
         )
+    return looks_so
+
+
+def warn_of_hu(volume: Volume) -> None:
+    """Warn where the values of a scan are hardly HU: of another unit, or of a slope or intercept that went wrong."""
+    low, high = float(volume.hu.min()), float(volume.hu.max())
+    under = np.count_nonzero((volume.hu < BELOW_AIR_HU) & (volume.hu > low))  # without what fills its corners
+    if 0 < high - low < LEAST_RANGE_HU:
+        what = f"all values are from {low:.3g} to {high:.3g}"
+    elif high > MOST_HU:
+        what = f"values go up to {high:,.0f}"
+    elif low >= 0 and high > -AIR_HU:
+        what = "no value is below 0, as where HU + 1024 is stored or the background was set to 0"
+    elif under > UNDER * volume.hu.size:
+        what = (
+            f"{under / volume.hu.size:.0%} lie below {BELOW_AIR_HU} and above {low:g}, as where 1024 is taken off twice"
+        )
+    else:
+        return
+    warnings.warn(f"the scan is taken for HU, but {what}: are its slope and intercept right?", GpubsplineWarning, 2)
 
 
 def warn_of_soft(volume: Volume, region: Region, threshold_hu: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.cautions import warn_of_everything, warn_of_labels, warn_of_soft, warn_of_units
+from gpubspline.cautions import warn_of_everything, warn_of_hu, warn_of_labels, warn_of_soft, warn_of_units
 from gpubspline.clock import Clock
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.masks import open_labels, read_segment
@@ -47,7 +47,8 @@ def find_body(source: Source, clock: Clock) -> Body:
         window = _window(source, whole)
         volume = crop(whole, window)
         warn_of_units(volume)
-        warn_of_labels(whole)
+        if not warn_of_labels(whole):
+            warn_of_hu(whole)
         if source.slice_index is None and 1 in volume.shape:
             along = "ijk"[volume.shape.index(1)]
             raise InputError(f"expected several slices for a solid, got one along {along}: --slice makes quads of it")

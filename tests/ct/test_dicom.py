@@ -10,6 +10,7 @@ import pydicom
 import pytest
 import SimpleITK as sitk
 from pydicom.dataset import Dataset
+from pydicom.pixels.decoders.base import get_decoder
 from pydicom.sequence import Sequence
 from pydicom.uid import EnhancedCTImageStorage, ImplicitVRLittleEndian, JPEGLSLossless, RLELossless
 from scipy.interpolate import interp1d
@@ -181,6 +182,20 @@ def test_compressed_slices_decode_to_what_was_written(tmp_path, write_slice, enc
     np.testing.assert_array_equal(read_volume(coded).hu[0], stored - 3)
 
 
+def test_what_nothing_decodes_is_named(tmp_path, write_slice, monkeypatch):
+    """And is not called truncated, as what a decoder fails at may be."""
+    path = write_slice(tmp_path / "a.dcm", np.zeros((4, 5)), (0, 0, 0))
+    compress(path, path, JPEGLSLossless)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(JPEGLSLossless.encode(), b"1.2.840.10008.1.2.4.99"))
+    with pytest.raises(InputError, match=r"can be decoded in a\.dcm, got 1\.2\.840\.10008\.1\.2\.4\.99: convert"):
+        read_volume(path)
+    path.write_bytes(content)
+    monkeypatch.setattr(type(get_decoder(JPEGLSLossless)), "is_available", False)
+    with pytest.raises(InputError, match=r"a decoder of JPEG-LS .*, as a\.dcm is, got none: pip install pyth"):
+        read_volume(path)
+
+
 @pytest.mark.parametrize("encoding", [None, *ENCODERS])
 @pytest.mark.parametrize("share", [0.03, 0.4, 0.9])
 def test_a_truncated_file_is_named(tmp_path, write_series, encoding, share):
@@ -278,6 +293,13 @@ def test_stored_values_without_an_intercept_are_warned_of(tmp_path, write_series
     stored = write_series(tmp_path, [0, 2, 4], RescaleIntercept=None, RescaleSlope=None)
     with pytest.warns(GpubsplineWarning, match="no rescale intercept in 3 of 3 images"):
         np.testing.assert_array_equal(read_volume(tmp_path).hu, stored)
+
+
+def test_a_map_of_another_quantity_is_warned_of(tmp_path, write_series):
+    """A spectral CT's map of iodine is of the modality CT, too."""
+    stored = write_series(tmp_path, [0, 2, 4], RescaleType="MGML")
+    with pytest.warns(GpubsplineWarning, match="rescaled to MGML, not to HU"):
+        np.testing.assert_array_equal(read_volume(tmp_path).hu, stored - 1024)
 
 
 def test_decoded_slices_are_held_once(tmp_path, write_series, monkeypatch):

@@ -1,5 +1,6 @@
 """Every format through one door, against SimpleITK's own physical points."""
 
+import gzip
 import struct
 
 import numpy as np
@@ -252,6 +253,62 @@ def test_nifti_without_a_place_is_refused(tmp_path, capfd, wanted, words):
     with pytest.raises(InputError, match=words):
         read_volume(nifti(tmp_path / "a.nii", **wanted))
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("slope", "intercept"), [(0.5, -1024.0), (1.0, -1024.0), (-1.0, 3.0), (np.nan, np.nan)])
+def test_stored_values_of_nifti_are_scaled_as_simpleitk_does(tmp_path, slope, intercept):
+    path = nifti(tmp_path / "a.nii", codes=(1, 0))
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2f", content, 112, slope, intercept)
+    path.write_bytes(content)
+    np.testing.assert_array_equal(read_volume(path).hu, sitk.GetArrayFromImage(sitk.ReadImage(str(path))))
+
+
+def test_a_slope_of_zero_scales_nothing_in_nifti(tmp_path):
+    """As nifti1.h says, where ITK adds the intercept: bone would be 1,024 HU off."""
+    path = nifti(tmp_path / "a.nii", codes=(1, 0))
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2f", content, 112, 0, -1024)
+    path.write_bytes(content)
+    np.testing.assert_array_equal(read_volume(path).hu.ravel(), np.arange(24))
+
+
+def test_nifti_2_is_read_as_nifti_1_of_the_same_fields(tmp_path):
+    """Which ITK does not know: its fields are wider and elsewhere (nifti2.h)."""
+    one = read_volume(nifti(tmp_path / "a.nii", codes=(0, 1)))
+    content = bytearray(544)
+    for form, at, values in (
+        ("i8s", 0, [540, b"n+2\0\r\n\x1a\n"]),
+        ("2h", 12, [4, 16]),
+        ("8q", 16, [3, 4, 3, 2, 1, 1, 1, 1]),
+        ("8d", 104, [1, 1, 1, 1, 0, 0, 0, 0]),
+        ("q", 168, [544]),
+        ("2d", 176, [1, -5]),
+        ("2i", 344, [0, 1]),
+        ("12d", 400, [2, 0, 0, 10, 0, 2, 0, 20, 0, 0, 2, 30]),
+        ("i", 500, [2]),
+    ):
+        struct.pack_into("<" + form, content, at, *values)
+    (tmp_path / "b.nii").write_bytes(bytes(content) + np.arange(24).astype("<i2").tobytes())
+    two = read_volume(tmp_path / "b.nii")
+    np.testing.assert_array_equal(two.hu, one.hu - 5)
+    np.testing.assert_array_equal(two.affine, one.affine)
+
+
+def test_whether_nifti_is_compressed_is_seen_and_not_taken_from_the_name(tmp_path):
+    plain = nifti(tmp_path / "a.nii.gz", codes=(1, 0)).read_bytes()
+    (tmp_path / "b.nii").write_bytes(gzip.compress(plain))
+    np.testing.assert_array_equal(read_volume(tmp_path / "a.nii.gz").hu, read_volume(tmp_path / "b.nii").hu)
+
+
+@pytest.mark.parametrize(("kind", "words"), [(32, "got complex"), (128, "got RGB"), (5, "got the data type 5")])
+def test_nifti_of_other_than_one_number_a_voxel_is_refused(tmp_path, kind, words):
+    path = nifti(tmp_path / "a.nii", codes=(1, 0))
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<h", content, 70, kind)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=f"expected one value a voxel, {words} in a.nii"):
+        read_volume(path)
 
 
 @pytest.mark.parametrize(("extension", "field"), [(".mha", "ElementSpacing"), (".nrrd", "space directions")])

@@ -109,6 +109,17 @@ def test_otsu_parts_two_classes():
     np.testing.assert_array_equal(hu > otsu_threshold(volume), hu > -500)
 
 
+@pytest.mark.parametrize("padding", [-2000, -3024])
+def test_otsu_takes_the_corners_of_a_round_field_of_view_for_air(padding):
+    """With them as a class of its own, all that was scanned was the body."""
+    j, i = np.indices((40, 40)) - 19.5
+    rows = np.where(np.hypot(j, i) < 9, 40, -1000) + np.random.default_rng(8).normal(0, 20, (40, 40))
+    slices = [np.where(np.hypot(j, i) < 19, rows, hu)[None].astype(np.int16) for hu in (-1000, padding)]
+    plain, padded = (Volume(hu, np.eye(4)) for hu in slices)
+    for volume in (plain, padded):
+        np.testing.assert_array_equal(volume.hu[0] > otsu_threshold(volume), rows > -500)
+
+
 def test_threshold_smoothing_removes_noise():
     radius, affine = ellipsoid()
     noise = np.random.default_rng(9).normal(0, 400, radius.shape)

@@ -12,17 +12,15 @@ import numpy as np
 import pydicom
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
+from pydicom.pixels.decoders.base import get_decoder
 from pydicom.pixels.utils import pixel_array
-from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
+from pydicom.uid import HTJ2K, ExplicitVRLittleEndian, HTJ2KLossless, HTJ2KLosslessRPCL, ImplicitVRLittleEndian
 
 from gpubspline.ct.series import UNREADABLE, choose_series, read_headers
 from gpubspline.ct.slices import Slice, slices_of
 from gpubspline.ct.spacing import describe_spacings, is_uniform, missing_slices, resample_slices, uniform_positions
-from gpubspline.ct.volume import Volume
+from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import GpubsplineWarning, InputError
-
-AIR_HU = -1024
-"""HU of padding: outside the reconstruction nothing was measured."""
 
 AHEAD = 2
 """Files a thread that are decoded before their turn."""
@@ -116,12 +114,28 @@ def _decode_file(slices: Sequence[Slice]) -> list[NDArray[Any]]:
         if "TransferSyntaxUID" not in dataset.file_meta:  # a bare data set: what reading it found out
             implicit, _ = dataset.original_encoding
             dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if implicit else ExplicitVRLittleEndian
+        _check_decoder(dataset, path.name)
         return [_to_hu(pixel_array(dataset, index=item.frame), dataset, item) for item in slices]
     except InputError:
         raise
     except UNREADABLE as error:
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InputError(f"cannot decode the pixels of {path.name}, which may be truncated: {reason}") from None
+
+
+def _check_decoder(dataset: Dataset, name: str) -> None:
+    """Raise InputError where nothing decodes the transfer syntax (PS3.5 annex A), or what does is not installed."""
+    syntax = dataset.file_meta.TransferSyntaxUID
+    try:
+        decoder = get_decoder(syntax)
+    except NotImplementedError:
+        raise InputError(
+            f"expected pixels that can be decoded in {name}, got {syntax.name}: convert the series, for example by "
+            "gdcmconv --raw"
+        ) from None
+    if not decoder.is_available:
+        package = "pylibjpeg-openjpeg" if syntax in (HTJ2K, HTJ2KLossless, HTJ2KLosslessRPCL) else "python-gdcm"
+        raise InputError(f"expected a decoder of {syntax.name}, as {name} is, got none: pip install {package}")
 
 
 def _to_hu(raw: NDArray[Any], dataset: Dataset, item: Slice) -> NDArray[Any]:
@@ -178,7 +192,7 @@ def _drop_doubles(slices: list[Slice], hu: NDArray[Any], found: list[str]) -> tu
         if not np.array_equal(hu[k], hu[k + 1]):
             raise InputError(
                 f"expected one image at each position, got different ones at {along[k]:.4g} mm "
-                f"({slices[k].path.name}, {slices[k + 1].path.name}): keep one phase of the series"
+                f"({_image_name(slices[k])}, {_image_name(slices[k + 1])}): keep one phase of the series"
             )
     if not len(doubled):
         return slices, hu
@@ -248,4 +262,8 @@ def _describe_holes(slices: Sequence[Slice], along: Floats, holes: Sequence[int]
 
 def _place_name(item: Slice) -> str:
     x, y, z = item.position
-    return f"({x:.1f}, {y:.1f}, {z:.1f}) mm [{item.path.name}]"
+    return f"({x:.1f}, {y:.1f}, {z:.1f}) mm [{_image_name(item)}]"
+
+
+def _image_name(item: Slice) -> str:
+    return item.path.name if item.n_frames == 1 else f"frame {item.frame + 1} of {item.path.name}"

@@ -1,6 +1,5 @@
 """One door for every CT format: DICOM, NIfTI, Analyze, NRRD, MetaImage and NumPy arrays to a ``Volume``."""
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.dicom import Progress, read_dicom
 from gpubspline.ct.metaimage import check_metaimage
-from gpubspline.ct.nifti import check_nifti, patient_affine
+from gpubspline.ct.nifti import patient_affine
+from gpubspline.ct.nifti_samples import read_nifti
 from gpubspline.ct.nrrd import check_nrrd
 from gpubspline.ct.series import is_dicom
 from gpubspline.ct.volume import Volume
@@ -31,9 +31,7 @@ FORMATS = {
     ".mha": "MetaImage",
     ".mhd": "MetaImage",
 }
-"""Extensions read through SimpleITK."""
-
-_PERMISSIVE = "ITK_NIFTI_SFORM_PERMISSIVE"
+"""Extensions of images, and what they are of; but for NIfTI, SimpleITK reads them."""
 
 
 def read_volume(
@@ -95,7 +93,9 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
 
     Raises InputError where the file is damaged, or not one scalar value on a two- or three-dimensional grid.
     """
-    affine = patient_affine(check_nifti(path), path.name) if format_name(path) == "NIfTI" else None
+    if format_name(path) == "NIfTI":
+        samples, header = read_nifti(path)
+        return narrow(samples), patient_affine(header, path.name)
     check = {"MetaImage": check_metaimage, "NRRD": check_nrrd}.get(str(format_name(path)))
     if check is not None:
         check(path)
@@ -111,23 +111,18 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats]:
     if image.GetDimension() not in (2, 3):
         raise InputError(f"expected a three-dimensional image in {path.name}, got size {image.GetSize()}")
     samples = sitk.GetArrayFromImage(image)
-    return narrow(samples if samples.ndim == 3 else samples[None]), image_affine(image) if affine is None else affine
+    return narrow(samples if samples.ndim == 3 else samples[None]), image_affine(image)
 
 
 @contextmanager
 def quiet_itk() -> Iterator[None]:
-    """Let ITK read grids that are not orthogonal, and say nothing on stderr meanwhile."""
-    display, permissive = sitk.ProcessObject.GetGlobalWarningDisplay(), os.environ.get(_PERMISSIVE)
+    """Let ITK say nothing on stderr meanwhile."""
+    display = sitk.ProcessObject.GetGlobalWarningDisplay()
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    os.environ[_PERMISSIVE] = "1"
     try:
         yield
     finally:
         sitk.ProcessObject.SetGlobalWarningDisplay(display)
-        if permissive is None:
-            del os.environ[_PERMISSIVE]
-        else:
-            os.environ[_PERMISSIVE] = permissive
 
 
 def narrow(samples: NDArray[Any]) -> NDArray[Any]:

@@ -1,20 +1,19 @@
-"""What ITK does not say about a NIfTI file: whether it is all there and finite, and where its grid lies.
+"""The header of a NIfTI file, and where its grid lies.
 
 It may be a pair, ``.hdr`` and ``.img``, as Analyze 7.5 is, which NIfTI came from and whose header knows no place.
 
-ITK fills what a truncated file lacks with zeros, makes NaN and infinity zero, knows orthogonal grids only, while a
-gantry tilt makes an sform sheared, and takes the voxels' size from ``pixdim`` where the sform has another.
+ITK knows orthogonal grids only, while a gantry tilt makes an sform sheared, and takes the voxels' size from ``pixdim``
+where the sform has another.
 """
 
 import gzip
 import re
 import struct
 import warnings
-import zlib
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ _LAYOUTS = {
         "bitpix": (72, "h"),
         "pixdim": (76, "8f"),
         "vox_offset": (108, "f"),
+        "scaling": (112, "2f"),
         "xyzt_units": (123, "b"),
         "qform_code": (252, "h"),
         "sform_code": (254, "h"),
@@ -44,6 +44,7 @@ _LAYOUTS = {
         "bitpix": (14, "h"),
         "pixdim": (104, "8d"),
         "vox_offset": (168, "q"),
+        "scaling": (176, "2d"),
         "xyzt_units": (500, "i"),
         "qform_code": (344, "i"),
         "sform_code": (348, "i"),
@@ -58,10 +59,8 @@ _LAYOUTS = {
 _MAGIC = (b"n+", b"ni")
 """Of one file and of a pair, as they begin (nifti1.h, nifti2.h)."""
 
-_FLOATS = {16: "f4", 64: "f8"}
-"""NumPy's names of the sample types that may be NaN or infinite (nifti1.h: DT_FLOAT32, DT_FLOAT64)."""
-
-_BLOCK = 1 << 22
+_GZIP = b"\x1f\x8b"
+"""What a compressed file begins with (RFC 1952), whatever its name."""
 
 _SCANNER = 1
 """Code of a form that leads to the scanner's own frame (nifti1.h: NIFTI_XFORM_SCANNER_ANAT)."""
@@ -79,7 +78,10 @@ _TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class NiftiHeader:
-    """The fields of a NIfTI header that are read here, under their names in nifti1.h."""
+    """The fields of a NIfTI header that are read here, under their names in nifti1.h.
+
+    ``scaling`` are its slope and intercept, ``scl_slope`` and ``scl_inter``.
+    """
 
     byte_order: str
     dim: tuple[int, ...]
@@ -87,6 +89,7 @@ class NiftiHeader:
     bitpix: int
     pixdim: tuple[float, ...]
     vox_offset: int
+    scaling: tuple[float, float]
     xyzt_units: int
     qform_code: int
     sform_code: int
@@ -95,9 +98,14 @@ class NiftiHeader:
     srow: Floats
 
     @property
+    def sizes(self) -> tuple[int, ...]:
+        """Along every dimension of the file."""
+        return tuple(int(max(size, 1)) for size in self.dim[1 : 1 + min(max(self.dim[0], 0), 7)])
+
+    @property
     def n_voxels(self) -> int:
         """Of all images of the file."""
-        return prod(max(size, 1) for size in self.dim[1 : 1 + min(max(self.dim[0], 0), 7)])
+        return prod(self.sizes)
 
     @property
     def n_bytes(self) -> int:
@@ -209,52 +217,32 @@ def nifti_files(path: Path) -> tuple[Path, Path]:
     return (path, other) if wanted == "img" else (other, path)
 
 
-def opened(path: Path) -> BinaryIO | gzip.GzipFile:
-    """Open a file to read, decompressed where its name says so."""
-    return gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb")
+def opened(path: Path) -> BinaryIO:
+    """Open a file to read, decompressed where it is compressed."""
+    with path.open("rb") as file:
+        packed = file.read(2) == _GZIP
+    return cast(BinaryIO, gzip.open(path)) if packed else path.open("rb")
 
 
-def check_nifti(path: Path) -> NiftiHeader:
-    """Read the header of a ``.nii`` file or a pair, count its bytes and look for samples that are not finite.
-
-    Raises InputError where it has none, a file is missing or shorter than announced, or a sample is NaN or infinite.
-    """
-    head, body = nifti_files(path)
-    try:
-        with opened(head) as file:
-            header = _parse(file.read(540))
-        with opened(body) as file:
-            file.seek(header.vox_offset)
-            length, wild = _scan(file, header)
-    except (EOFError, OSError, ValueError, OverflowError, zlib.error, struct.error) as error:
-        raise InputError(f"cannot read {path.name} as NIfTI, it is damaged or truncated: {error}") from None
-    if length < header.n_bytes:
-        raise InputError(
-            f"cannot read {body.name} as NIfTI: expected {header.n_bytes} bytes, got {length}; copy it again"
-        )
-    if wild:
-        raise InputError(
-            f"expected finite HU everywhere in {path.name}, got NaN or infinity in {wild} of {header.n_voxels} voxels"
-        )
-    return header
-
-
-def _parse(start: bytes) -> NiftiHeader:
+def parse_header(start: bytes) -> NiftiHeader:
+    """Read the header that a file begins with; raises ValueError where there is none."""
     if len(start) < min(_LAYOUTS):
         raise ValueError(f"expected a header of {min(_LAYOUTS)} bytes, got a file of {len(start)}")
     for order in "<>":
-        layout = _LAYOUTS.get(struct.unpack_from(f"{order}i", start)[0])
+        size = struct.unpack_from(f"{order}i", start)[0]
+        layout = _LAYOUTS.get(size)
         if layout:
             fields = {name: struct.unpack_from(order + form, start, at) for name, (at, form) in layout.items()}
             if fields["magic"][0][:2] not in _MAGIC:  # Analyze's: what it has there is no place
-                fields |= dict.fromkeys(("qform_code", "sform_code", "xyzt_units"), (0,))
+                fields |= dict.fromkeys(("qform_code", "sform_code", "xyzt_units"), (0,)) | {"scaling": (0, 0)}
             return NiftiHeader(
                 byte_order=order,
                 dim=fields["dim"],
                 datatype=int(fields["datatype"][0]),
                 bitpix=int(fields["bitpix"][0]),
                 pixdim=fields["pixdim"],
-                vox_offset=int(fields["vox_offset"][0]),
+                vox_offset=max(int(fields["vox_offset"][0]), size + 4 if fields["magic"][0][:2] == _MAGIC[0] else 0),
+                scaling=fields["scaling"],
                 xyzt_units=int(fields["xyzt_units"][0]),
                 qform_code=int(fields["qform_code"][0]),
                 sform_code=int(fields["sform_code"][0]),
@@ -263,16 +251,3 @@ def _parse(start: bytes) -> NiftiHeader:
                 srow=np.array(fields["srow"], dtype=np.float64).reshape(3, 4),
             )
     raise ValueError("no NIfTI header")
-
-
-def _scan(file: BinaryIO | gzip.GzipFile, header: NiftiHeader) -> tuple[int, int]:
-    """Length of the file, read from where its samples begin, and how many samples are NaN or infinite."""
-    length, wild = header.vox_offset, 0
-    kind = _FLOATS.get(header.datatype)
-    while block := file.read(_BLOCK):
-        samples = block[: max(header.n_bytes - length, 0)]
-        length += len(block)
-        if kind:
-            values = np.frombuffer(samples, header.byte_order + kind, count=len(samples) // int(kind[1]))
-            wild += int(np.count_nonzero(~np.isfinite(values)))
-    return length, wild

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gpubspline.ct.enclosed import enclosed_volume
 from gpubspline.ct.held_volume import hold_volume
 from gpubspline.ct.signed_distance import box_around, signed_distance
-from gpubspline.ct.volume import Volume
+from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -127,13 +127,17 @@ class Region:
 def otsu_threshold(volume: Volume) -> float:
     """HU that best parts the histogram in two classes, for when no threshold is given (Otsu 1979).
 
+    What lies below air, as scanners fill the corners of a round field of view with -2000 or -3024, counts as air: it
+    would part the scan from its corners.
+
     Raises InputError where all HU are the same.
     """
-    if volume.hu.min() == volume.hu.max():
-        raise InputError(f"expected HU that differ, to find a body in them, got {volume.hu.flat[0]:g} everywhere")
+    hu = np.maximum(volume.hu, AIR_HU) if volume.hu.max() > AIR_HU else volume.hu
+    if hu.min() == hu.max():
+        raise InputError(f"expected HU that differ, to find a body in them, got {hu.flat[0]:g} everywhere")
     otsu = sitk.OtsuThresholdImageFilter()
     otsu.SetNumberOfHistogramBins(256)
-    otsu.Execute(sitk.GetImageFromArray(volume.hu))
+    otsu.Execute(sitk.GetImageFromArray(hu))
     return float(otsu.GetThreshold())
 
 

@@ -16,13 +16,17 @@ from gpubspline.errors import InputError
 Floats = NDArray[np.float64]
 
 
+_HU_TYPES = {"HU", "HU_MOD", "US"}
+"""Rescale types (PS3.3 C.11.1.1.2) of HU, of HU that were modified, and of what nobody says, as old scanners wrote."""
+
+
 @dataclass(frozen=True)
 class Slice:
     """One image of a series and its place.
 
     Attributes
     ----------
-    path, frame: the file and the image's number in it, from 0.
+    path, frame, n_frames: the file, the image's number in it, from 0, and how many it has.
     shape: rows and columns.
     position: (3,) centre of the first pixel, LPS mm (PS3.3 C.7.6.2.1.1).
     along_row, along_column: (3,) unit vectors in which the column index i and the row index j grow.
@@ -43,6 +47,7 @@ class Slice:
     slope: float
     intercept: float
     frame_of_reference: str = ""
+    n_frames: int = 1
 
     @property
     def normal(self) -> Floats:
@@ -59,6 +64,7 @@ def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
     """
     slices: list[Slice] = []
     localisers = bare = 0
+    types = set[str]()
     for header in headers:
         for frame in range(header.n_frames):
             groups = _functional_groups(header, frame)
@@ -67,12 +73,16 @@ def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
             else:
                 slices.append(_slice(header, frame, groups))
                 bare += _attribute(groups, "RescaleIntercept") is None
+                types.add(str(_attribute(groups, "RescaleType") or "HU").upper())
     if not slices:
         raise InputError(f"expected CT slices, got a series of {localisers} localisers: choose another series")
     if localisers:
         left_out.append(f"left out {localisers} localiser images of the series")
     if bare:  # what scanners store is often HU + 1024
         left_out.append(f"no rescale intercept in {bare} of {len(slices)} images: stored values are taken for HU")
+    if types - _HU_TYPES:  # such as maps of iodine or of electron density, of spectral scanners
+        others = ", ".join(sorted(types - _HU_TYPES))
+        left_out.append(f"the series is rescaled to {others}, not to HU: its values are taken for HU")
     slices = _one_orientation(slices, left_out)
     _check_one("size", [f"{s.shape[1]}x{s.shape[0]}" for s in slices])
     _check_one("pixel spacing", [f"{s.spacing_mm[0]:.4g}x{s.spacing_mm[1]:.4g} mm" for s in slices])
@@ -152,6 +162,7 @@ def _slice(header: Header, frame: int, groups: Sequence[Dataset]) -> Slice:
         slope=slope,
         intercept=0.0 if intercept is None else float(_numbers(header, groups, "RescaleIntercept", 1)[0]),
         frame_of_reference=str(dataset.get("FrameOfReferenceUID") or ""),
+        n_frames=header.n_frames,
     )
 
 

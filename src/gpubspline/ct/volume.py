@@ -13,6 +13,10 @@ from gpubspline.shown import shown
 Floats = NDArray[np.float64]
 
 
+AIR_HU = -1024
+"""HU of padding: outside the reconstruction nothing was measured."""
+
+
 @dataclass(frozen=True, eq=False)
 class Volume:
     """HU samples on a regular, possibly oblique, left-handed or sheared grid.
