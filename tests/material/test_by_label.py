@@ -19,7 +19,7 @@ from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import write
 from gpubspline.material.assign import Mapping, assign
 from gpubspline.material.density import DensityRelation
-from gpubspline.material.laws import constant_law
+from gpubspline.material.laws import Law, Piece, constant_law
 from gpubspline.material.mapping import law_on_device, map_material
 from gpubspline.material.registry import law
 from gpubspline.material.voxel_mass import voxel_mass_g
@@ -131,6 +131,20 @@ def test_mass_of_voxels_by_label(device: Device) -> None:
     alone = voxel_mass_g(volume, region, one, device)
     both = voxel_mass_g(volume, region, one, device, by_label={2: three}, labels=labels)
     assert both == pytest.approx(2 * alone, rel=1e-6)  # the halves are mirror images
+    with pytest.raises(InputError, match="expected the labels of the voxels"):
+        voxel_mass_g(volume, region, one, device, by_label={2: three})
+    given = {"by_label": {2: laws[1]}, "volume": volume, "region": region, "device": device}
+    assert assign(bar(), laws[0], Mapping("element-e"), **given)[1].mass_voxels_g is None
+
+
+def test_floored_elements_are_of_no_piece(device: Device) -> None:
+    """Of whichever law: those of label 2 lie above all that theirs covers."""
+    narrow = Law("narrow", "", DensityRelation("apparent", 0.001), (Piece(1.0, 500.0, 1000.0, 1.0),))
+    floor = Mapping("element-hu", policy={"policy": "floor"})
+    mapped, alarms = assign(bar(), None, floor, by_label={2: narrow}, device=device)
+    label, material = (mapped.cell_fields[name] for name in ("label", "material"))
+    assert not material[label == 2].any() and material[label == 1].all()
+    assert [share["outside_law"] for share in alarms.by_label] == [0, 1]
 
 
 def test_two_materials_in_series(tmp_path: Path, device64: Device) -> None:

@@ -20,7 +20,7 @@ from gpubspline.material.inset import inset
 from gpubspline.material.integration import ElementMaterial, gauss_fields, integrate, points_for
 from gpubspline.material.laws import Law, common_kind
 from gpubspline.material.mapping import LawOnDevice, Material, apply_material, check_hu, check_policy, law_on_device
-from gpubspline.material.mass_parts import MassParts, ct_masses
+from gpubspline.material.mass_parts import mass_parts
 from gpubspline.material.orthotropy import with_orthotropy
 from gpubspline.material.projection import Projected, project
 from gpubspline.material.registry import law as find_law
@@ -120,7 +120,7 @@ def assign(
     by_label: laws of the elements of some labels, by number; ``law`` is that of the rest. See ``by_label.py``.
     volume, region: the CT and the body in it; on one grid the mesh's mass is compared with the voxels'.
         All mappings but ``nodal`` read the CT itself; without it the HU that is interpolated from the nodes.
-    labels: (n_k, n_j, n_i) label of each voxel on the region's grid, for the voxels' mass by ``by_label``.
+    labels: (n_k, n_j, n_i) label of each voxel on the region's grid; by ``by_label`` the voxels have no mass without.
     device: where to compute; ``open_device()`` unless told.
 
     Returns
@@ -153,7 +153,7 @@ def assign(
     if volume is None or region is None:
         return mapped, alarms
     alarms = replace(alarms, partial_volume=mapping.treatment)
-    if mesh.element.dimension != 3 or not region.is_on(volume):
+    if mesh.element.dimension != 3 or not region.is_on(volume) or (by_label and labels is None):
         return mapped, alarms
 
     def weighing(own: Law) -> LawOnDevice:
@@ -166,11 +166,7 @@ def assign(
     if abs(alarms.mass_difference or 0) > MASS_TOLERANCE:
         reading = _reading(mesh, mapping, volume, region, device)
         parts = [(mesh, rest)] if split is None else [(each.part(mesh), there.get(each.label, rest)) for each in split]
-        found = np.sum([ct_masses(part, own, region, **reading) for part, own in parts], axis=0)
-        ct_g, filled_mm3, filled_g = found.tolist()
-        left_mm3 = max(region.volume_mm3 - (mesh.volume_mm3 - filled_mm3), 0.0)
-        between_g = (alarms.mass_mesh_g or 0.0) - ct_g
-        alarms = replace(alarms, mass_parts=MassParts(between_g, filled_mm3, filled_g, left_mm3))
+        alarms = replace(alarms, mass_parts=mass_parts(mesh, alarms.mass_mesh_g or 0.0, parts, region, **reading))
     return mapped, alarms
 
 

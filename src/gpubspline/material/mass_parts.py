@@ -1,5 +1,6 @@
 """Where the mass of a mesh and that of the voxels part: between nodes, or where mesh and region are not the same."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -38,7 +39,24 @@ class MassParts:
         return asdict(self)
 
 
-def ct_masses(
+def mass_parts(
+    mesh: Mesh, mass_mesh_g: float, shares: Sequence[tuple[Mesh, LawOnDevice]], region: Region, **reading: Any
+) -> MassParts:
+    """Look where the mass of a mesh of hexes parts from the CT's.
+
+    Arguments
+    ---------
+    mass_mesh_g: of the mesh's own material.
+    shares: the elements of each law, and the law.
+    reading: how HU are read, at how many points, on which device: arguments of ``material.projection.project``.
+    """
+    found = np.sum([_ct_masses(part, law, region, **reading) for part, law in shares], axis=0)
+    ct_g, filled_mm3, filled_g = found.tolist()
+    left_mm3 = max(region.volume_mm3 - (mesh.volume_mm3 - filled_mm3), 0.0)
+    return MassParts(mass_mesh_g - ct_g, filled_mm3, filled_g, left_mm3)
+
+
+def _ct_masses(
     mesh: Mesh, law: LawOnDevice, region: Region, device: Device, points: int, **reading: Any
 ) -> tuple[float, float, float]:
     """Mass of the CT over a mesh of hexes, g, and volume and mass of the part of it outside the region, mm3 and g.

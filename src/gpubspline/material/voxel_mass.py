@@ -13,6 +13,7 @@ from gpubspline.ct.region import Region
 from gpubspline.ct.sampler import hu_sampler
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
+from gpubspline.errors import InputError
 from gpubspline.material.inset import inset
 from gpubspline.material.mapping import LawOnDevice
 
@@ -47,8 +48,14 @@ def voxel_mass_g(
     surface_depth_mm: voxels nearer to the surface take their HU from this far inside, as the mesh does.
     partial_volume: ``"fold"`` gives them what the scan spread outside, as the mesh has it; with ``"none"`` a voxel that
         is half air counts its half of a density that is half air's, too.
-    by_label: laws of some of the ``labels`` (n_k, n_j, n_i) of voxels, where they are told.
+    by_label: laws of some of the ``labels`` (n_k, n_j, n_i) of voxels.
+
+    Raises
+    ------
+    InputError where laws go by labels and there are none.
     """
+    if by_label and labels is None:
+        raise InputError("expected the labels of the voxels with laws by label, got none")
     part = _parts_inside(region)
     inside = np.flatnonzero(part)
     how = (device, surface_depth_mm, partial_volume)
