@@ -15,7 +15,7 @@ from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
 from gpubspline.mesh.coverage import cover
 from gpubspline.mesh.distance import distances
-from gpubspline.mesh.label_sets import labels_round, set_of_label, with_label_sets
+from gpubspline.mesh.label_sets import labels_in, labels_round, set_of_label, with_label_sets
 from gpubspline.mesh.lost import list_lost
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.optimize import optimize
@@ -26,6 +26,7 @@ from gpubspline.mesh.validity import certify
 from gpubspline.methods import Choice, Meshed
 from gpubspline.recipe import Body, Fitted, Model, Sampling, Shaping, Source
 from gpubspline.report.summary import summary
+from gpubspline.report.tissues import Labelled, find_tissues
 from gpubspline.segment import find_body
 from gpubspline.spline.fit import fit
 from gpubspline.spline.hyperpatch import Hyperpatch
@@ -137,6 +138,18 @@ def label_arrays(sampling: Sampling, body: Body) -> list[NDArray[np.int32]]:
     if not sampling.laws_of(body.labels) or body.labels is None or body.volume is None or body.whole is None:
         return []
     return [labels_round(body.region.mask, body.volume, body.labels, body.whole)]
+
+
+def label(body: Body, sampling: Sampling) -> Labelled:
+    """Say of each of a body's labels, and of what has none, what it would be meshed as; needs a CT on its grid."""
+    assert body.volume is not None
+    sampling, _ = calibrate(sampling, body)
+    laws, names = {0: sampling.law, **sampling.laws_of(body.labels)}, {}
+    numbers: NDArray[np.integer] = np.zeros(body.region.mask.shape, dtype=np.int32)
+    if body.labels is not None and body.whole is not None:
+        names = {number: body.labels.title(number) for number in body.labels.names}
+        numbers = np.array([0, *names], dtype=np.int32)[labels_in(body.volume, body.labels, body.whole)]
+    return find_tissues(body.volume, body.region, numbers, names, laws)
 
 
 def _law_of_set(by_label: dict[int, Law], alarms: Alarms, mesh: Mesh) -> dict[str, Law]:

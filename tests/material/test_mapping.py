@@ -79,6 +79,15 @@ def test_no_density_has_no_modulus(device: Device) -> None:
     np.testing.assert_allclose(material.modulus_mpa, [5.0, 5.0, 6.0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("kind", [np.int16, np.int64, np.uint8, np.float64, list])
+def test_whole_numbers_are_hu_too(kind: Any, device: Device) -> None:
+    """As a CT has them: a kernel took their bits for floats."""
+    hu = np.array([0, 100, 200, 255])
+    given = hu.tolist() if kind is list else hu.astype(kind)
+    expected = map_material(hu.astype(device.real), PAPER, device=device)
+    np.testing.assert_array_equal(map_material(given, PAPER, device=device).modulus_mpa, expected.modulus_mpa)
+
+
 def test_hu_that_is_no_number_is_out_of_range(device: Device) -> None:
     for policy in ("clamp", "floor"):
         material = map_material(np.array([np.nan, -np.inf, np.inf, 300.0]), GAPPED, policy=policy, device=device)

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+import SimpleITK as sitk
 from matplotlib.image import imread
 
 from gpubspline.ct.region import region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
+from gpubspline.material.mapping import map_material
+from gpubspline.material.registry import law, laws
 from gpubspline.report.page.slices import views
-from gpubspline.report.preview import OUTLINE, _oriented, draw_preview, write_preview
+from gpubspline.report.preview import COLOURS, INSIDE, OUTLINE, OUTSIDE, _oriented, draw_preview, write_preview
+from gpubspline.report.tissues import find_tissues
 
 
 def turned(order, signs, hu=lambda off, x: np.where(off < 9, 700 + 20 * x, -1000)):
@@ -67,3 +71,53 @@ def test_the_command_says_what_is_left_out_and_refuses_what_is_no_picture(run, t
         status, said, err = run("preview", "ct.npy", "--spacing", "1,1,1", *words)
         assert (status, said) == (2, "") and err.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ct.npy", "p.png"]
+
+
+def labelled_cube():
+    """Three layers along z of 4 mm, 200, 400 and 800 HU, in air: labels 1 and 2 of the first two, 2 outside too."""
+    hu = np.full((18, 12, 12), -1000, np.int16)
+    hu[3:7, 2:10, 2:10], hu[7:11, 2:10, 2:10], hu[11:15, 2:10, 2:10] = 200, 400, 800
+    labels = np.zeros(hu.shape, np.int32)
+    labels[3:7, 2:10, 2:10], labels[7:11, 2:10, 2:10], labels[7:11, :2] = 1, 2, 2
+    return Volume(hu, np.eye(4)), labels
+
+
+def test_labels_are_told_with_their_hu_and_what_their_law_makes_of_them():
+    volume, labels = labelled_cube()
+    region = region_from_threshold(volume, 0)
+    laws = {0: law("wirtz-2000"), 2: law("constant:E=110000,nu=0.3")}
+    found = find_tissues(volume, region, labels, {1: "spongy", 2: "metal", 7: "none"}, laws)
+    spongy, metal, none, rest = found.tissues
+    assert (spongy.label, spongy.mm3, spongy.apart, spongy.hu) == (1, 256, 0, (200, 200))
+    assert spongy.modulus_mpa == pytest.approx([1904 * (1.9 * 200 / 1630) ** 1.64] * 2)
+    assert metal.apart == pytest.approx(4 * 24 / (256 + 4 * 24)) and metal.modulus_mpa == (110000, 110000)
+    assert metal.words[1:] == ("256 mm³, 27% left out", "400 to 400 HU", "E 110,000 MPa, constant:E=110000,nu=0.3")
+    assert none.hu is None and none.words[1] == "no voxel of the body"
+    assert (rest.label, rest.name, rest.law, rest.hu) == (0, "the rest", "wirtz-2000", (800, 800))
+    assert rest.modulus_mpa == pytest.approx([2065 * (1.9 * 800 / 1630) ** 3.09] * 2)
+    overlay = [image for image in draw_preview(volume, region, 0.0, found).axes[1].images][1].get_array()
+    of_metal = np.all(overlay[..., :3] == COLOURS[1], axis=2)  # of the coronal slice, z up
+    assert set(np.unique(overlay[of_metal][:, 3])) <= {INSIDE, OUTSIDE} and of_metal.sum() == 4 * 8
+    assert np.all(overlay[:3] == 0) and not np.any(np.all(overlay[3:7, 2:10, 3:] > 0, axis=2))  # of no label
+
+
+@pytest.mark.parametrize("hu", [0, 100, 230.5, 349.9, 350, 1200, 2000, 2400, -1000])
+def test_a_modulus_on_the_host_is_that_of_the_device(hu, device64):
+    for name, each in laws().items():
+        there = map_material(np.array([hu]), each, device=device64).modulus_mpa[0]
+        assert each.modulus_mpa(hu) == pytest.approx(there, rel=1e-12), name
+
+
+def test_the_command_draws_labels_and_refuses_what_does_not_go_together(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    volume, labels = labelled_cube()
+    for name, values in (("ct", volume.hu), ("labels", labels.astype(np.uint8))):
+        sitk.WriteImage(sitk.GetImageFromArray(values), f"{name}.nii.gz")
+    given = ["preview", "ct.nii.gz", "--threshold", "0", "-o", "p.png"]
+    status, said, err = run(*given, "--labels", "labels.nii.gz", "--law", "2=constant:E=5,nu=0.3")
+    assert (status, err) == (0, "") and "256 mm³, 27% left out  400 to 400 HU  E 5 MPa, constant:E=5,nu=0.3" in said
+    assert imread("p.png").shape[0] > 1.05 * (run(*given), imread("p.png").shape[0])[1]  # a legend below
+    assert "labels   " not in run(*given)[1] and "the body" in run(*given, "--law", "keyak-1998")[1]
+    for words in (("--law", "2=keyak-1998"), ("--labels", "labels.nii.gz", "--law", "9=keyak-1998")):
+        status, said, err = run(*given, *words)
+        assert (status, said) == (2, "") and err.count("\n") == 1

@@ -9,9 +9,11 @@ from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice, mass_words
 from gpubspline.material.density import conversions
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import DEFAULT_LAW
+from gpubspline.report.tissues import ABOUT
 
 if TYPE_CHECKING:  # the analysis is not loaded to list laws
     from gpubspline.analysis.law_comparison import LawOutcome
+    from gpubspline.report.tissues import Tissue
 
 _UNDER = 11 * " "
 
@@ -96,6 +98,17 @@ def material_lines(figures: dict[str, Any]) -> list[str]:
 
 def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, 119, initial_indent=_UNDER, subsequent_indent=_UNDER)
+
+
+def tissue_lines(tissues: "Sequence[Tissue]") -> list[str]:
+    """What each label of a preview would be meshed as."""
+    rows = [tissue.words for tissue in tissues]
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    padded = ["  ".join(text.ljust(width) for text, width in zip(row, (*widths, 0), strict=True)) for row in rows]
+    return [
+        f"labels     {ABOUT}",
+        *(f"{_UNDER}{line}".rstrip() for line in padded),
+    ]
 
 
 def _part_lines(parts: Sequence[dict[str, Any]]) -> list[str]:

@@ -126,6 +126,13 @@ class Law:
         """What could not be confirmed, of the law and of the steps to its density."""
         return (*self.unconfirmed, *self.density.unconfirmed)
 
+    def modulus_mpa(self, hu: float) -> float:
+        """Young's modulus at one HU, and outside every range that of the nearest end of one."""
+        inside = [piece for piece in self.pieces if piece.lower_hu <= hu < piece.upper_hu]
+        off = [max(piece.lower_hu - hu, hu - piece.upper_hu) for piece in self.pieces]
+        piece = inside[0] if inside else self.pieces[off.index(min(off))]
+        return piece.modulus_mpa(self.density.density_g_cm3(min(max(hu, piece.lower_hu), piece.upper_hu)))
+
     def calibrated(self, relation: DensityRelation) -> "Law":
         """Take the density from another relation, such as a calibration of the scanner.
 

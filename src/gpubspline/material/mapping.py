@@ -73,7 +73,8 @@ def map_material(
     """
     device = device or open_device()
     law_there = law_on_device(law, device, policy, floor_modulus_mpa, floor_poisson)
-    values = device.put(hu)
+    on_host = isinstance(hu, np.ndarray | list | tuple | float | int)  # a CT's are whole numbers, the kernel's are not
+    values = device.put(np.asarray(hu, device.real) if on_host else hu)
     n = int(np.prod(values.shape))
     results = (device.empty(n), device.empty(n), device.empty(n), device.empty(n, np.int32))
     law_there.launch(values, n, *results)

@@ -1,21 +1,41 @@
-"""A picture of what of a CT is meshed, before anything is: its outline over three slices, and the histogram of HU."""
+"""A picture of what of a CT is meshed, before anything is: its outline over three slices, and the histogram of HU.
 
+Where labels or laws are told each label has a colour, and a line of a legend: its volume, HU, law and modulus.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.report.page.slices import views
 from gpubspline.report.sheet import FAINT, INK, check_png, save
+from gpubspline.report.tissues import ABOUT, Labelled, Tissue
 
 OUTLINE, LETTERS = "#2fb4ff", "#ffd84d"
-WIDE, TALLEST, GAP, BELOW, ABOVE = 11.0, 6.5, 0.3, 2.8, 0.7
-"""Inches: of the three slices beside each other and of the tallest, between them, for the histogram and the title."""
+COLOURS = colormaps["tab20"](np.arange(20))[:, :3]
+"""Of labels in turn; what has none has no colour."""
+
+INSIDE, OUTSIDE = 0.45, 0.15
+"""How much of a label's colour is seen in the body, and apart from it, where it is not meshed."""
+
+WIDE, TALLEST, GAP, BELOW, ABOVE, LINE = 11.0, 6.5, 0.3, 2.8, 0.7, 0.2
+"""Inches: of the three slices beside each other and of the tallest, between them, for the histogram, the title and a
+line of the legend."""
+
+MOST_LINES = 40
+"""Labels that the legend has, the largest."""
+
+COLUMNS = (0.02, 0.2, 0.4, 0.57)
+"""Of the legend, as shares of its width."""
 
 LOWEST = 0.9
 """Inches of a slice from which there is room for letters above each other."""
@@ -26,7 +46,13 @@ MOST_COUNTED = 4_000_000
 BINS = 200
 
 
-def write_preview(volume: Volume, region: Region, path: str | Path, threshold_hu: float | None = None) -> None:
+def write_preview(
+    volume: Volume,
+    region: Region,
+    path: str | Path,
+    threshold_hu: float | None = None,
+    labelled: Labelled | None = None,
+) -> None:
     """Write a PNG of a region's outline over the axial, coronal and sagittal slice that hold most of it.
 
     Arguments
@@ -35,13 +61,16 @@ def write_preview(volume: Volume, region: Region, path: str | Path, threshold_hu
     region: on the grid of ``volume``.
     path: a ``.png``, which appears whole or not at all.
     threshold_hu: where the region is by a threshold: drawn in the histogram of HU.
+    labelled: drawn in colours, paler where it lies apart from the region, with a legend.
     """
     path = Path(path)
     check_png(path)
-    save(draw_preview(volume, region, threshold_hu), path)
+    save(draw_preview(volume, region, threshold_hu, labelled), path)
 
 
-def draw_preview(volume: Volume, region: Region, threshold_hu: float | None = None) -> Figure:
+def draw_preview(
+    volume: Volume, region: Region, threshold_hu: float | None = None, labelled: Labelled | None = None
+) -> Figure:
     """Draw what ``write_preview`` writes."""
     shown = views(volume.affine)
     planes = [_fullest(region.mask, 2 - view["across"]) for view in shown]
@@ -50,22 +79,62 @@ def draw_preview(volume: Volume, region: Region, threshold_hu: float | None = No
     spacing = np.array(volume.shape) * volume.spacing_mm
     sizes = np.array([(spacing[view["right"]], spacing[view["up"]]) for view in shown])
     sizes *= min(WIDE / sizes[:, 0].sum(), TALLEST / sizes[:, 1].max())  # mm to inches
-    width, height = max(sizes[:, 0].sum(), 7.0) + 4 * GAP, sizes[:, 1].max() + BELOW + ABOVE
+    legend = 0.0 if labelled is None else LINE * (min(len(labelled.tissues), MOST_LINES) + 1.5)
+    width, height = max(sizes[:, 0].sum(), 7.0) + 4 * GAP, sizes[:, 1].max() + BELOW + ABOVE + legend
     figure = Figure(figsize=(width, height), facecolor="white")
     left = GAP
     for view, n, cut, (wide, tall) in zip(shown, planes, cuts, sizes, strict=True):
         axes = figure.add_axes((left / width, 1 - (ABOVE + tall) / height, wide / width, tall / height))
         axes.imshow(cut, cmap="gray", vmin=low, vmax=max(high, low + 1), extent=(0, wide, tall, 0), aspect="auto")
+        if labelled is not None:
+            axes.imshow(_overlay(labelled, region, view, n), extent=(0, wide, tall, 0), aspect="auto")
         _draw_outline(axes, _oriented(region.distance_mm, view, n), wide, tall)
         _draw_names(axes, view, _caption(volume, view, n), tall > LOWEST)
         left += wide + GAP
-    _draw_histogram(figure.add_axes((0.9 / width, 0.55 / height, 1 - 1.3 / width, 1.5 / height)), volume, region)
+    place = (0.9 / width, (0.55 + legend) / height, 1 - 1.3 / width, 1.5 / height)
+    _draw_histogram(figure.add_axes(place), volume, region)
     found = "the mask" if threshold_hu is None else f"the largest part from {threshold_hu:.0f} HU on"
     title = f"What is meshed: {found}, {region.volume_mm3:,.0f} mm³"
     figure.text(GAP / width, 1 - 0.25 / height, title, va="top", fontsize=13, color=INK)
     if threshold_hu is not None:
         _draw_threshold(figure.axes[-1], threshold_hu)
+    if labelled is not None:
+        _draw_legend(figure.add_axes((GAP / width, 0, 1 - 2 * GAP / width, legend / height)), labelled.tissues)
     return figure
+
+
+def _colour(labelled: Sequence[Tissue], label: int) -> NDArray[np.float64]:
+    place = [tissue.label for tissue in labelled].index(label)
+    return np.asarray(COLOURS[place % len(COLOURS)])
+
+
+def _overlay(labelled: Labelled, region: Region, view: dict[str, Any], n: int) -> NDArray[np.float64]:
+    """Colours (rows, columns, 4) of a slice's labels."""
+    numbers, inside = _oriented(labelled.numbers, view, n), _oriented(region.mask, view, n)
+    pixels = np.zeros((*numbers.shape, 4))
+    for label in np.unique(numbers[numbers != 0]).tolist():
+        own = numbers == label
+        pixels[own, :3] = _colour(labelled.tissues, label)
+        pixels[own, 3] = np.where(inside[own], INSIDE, OUTSIDE)
+    return pixels
+
+
+def _draw_legend(axes: Axes, tissues: Sequence[Tissue]) -> None:
+    """Draw a line a label, the largest first where there are too many."""
+    order = sorted(tissues, key=lambda tissue: -tissue.mm3)[:MOST_LINES]
+    shown = [tissue for tissue in tissues if tissue in order]
+    left = len(tissues) - len(shown)
+    axes.set_axis_off()
+    axes.set_xlim(0, 1)
+    axes.set_ylim(len(shown) + 1, -0.5)
+    for line, tissue in enumerate(shown):
+        if tissue.label:
+            swatch = Rectangle((0, line - 0.35), 0.012, 0.7, color=tuple(_colour(tissues, tissue.label)))
+            axes.add_patch(swatch)
+        for at, words in zip(COLUMNS, tissue.words, strict=True):
+            axes.text(at, line, words, va="center", fontsize=8.5, color=INK, clip_on=True)
+    about = ABOUT + (f"; {left} smaller labels are not listed" if left else "")
+    axes.text(COLUMNS[0], len(shown), about, va="center", fontsize=8, color=FAINT)
 
 
 def _fullest(mask: NDArray[np.bool_], axis: int) -> int:
