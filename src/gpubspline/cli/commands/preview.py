@@ -18,7 +18,7 @@ MESHED = tuple(each.name for each in fields(SamplingOptions) if each.name not in
     LOOK,
     "preview dicom_folder --threshold 250 -o slices.png",
     "preview ct.nii.gz --mask labels.nii.gz --label 22 -o l3.png",
-    "preview ct.nii.gz --labels l.nii.gz --law 7=keyak-1998 -o labels.png",
+    "preview ct.nii.gz --labels l.nii.gz --law 7=keyak-1998 -o l.png",
 )
 @partial(flattened, without=("slice_index", *MESHED))  # it draws a body
 def preview(
