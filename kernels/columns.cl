@@ -1,26 +1,83 @@
 // A solid patch on a GPU: the passes along v and w in one launch, what is between them in registers.
 
-#define MAX_DEGREE 5
-
 // Neighbours along u that a group writes at once, and tiles of them along v, which read the same control points.
 #define TILE 32
 #define TILE_ROWS 8
 typedef JOIN(real, 4) real4_;
+typedef JOIN(real, 8) real8_;
 
-inline real4_ places(__global const real *p, int o1, int o2, int o3)
+// Four numbers, TILE apart.
+inline real4_ places(__global const real *p)
 {
-    return (real4_)(p[0], p[o1], p[o2], p[o3]);
+    return (real4_)(p[0], p[TILE], p[2 * TILE], p[3 * TILE]);
+}
+
+// Sums along v of the plane that begins at `from`, at four places.
+inline real4_ along_v(__global const real *from, int inner, int degree, real8_ v)
+{
+    real4_ total = v.s0 * places(from) + v.s1 * places(from + inner);
+    if (degree > 1)
+        total += v.s2 * places(from + 2 * inner);
+    if (degree > 2)
+        total += v.s3 * places(from + 3 * inner);
+    if (degree > 3)
+        total += v.s4 * places(from + 4 * inner);
+    if (degree > 4)
+        total += v.s5 * places(from + 5 * inner);
+    return total;
+}
+
+// Goes along w; one copy a degree, so that only the sums of its span are kept and added, the oldest first.
+inline void along_w(int degree, __global const real *source, int layer, int inner, int degree_v, real8_ v,
+                    __global const int *span, __global const real *values, int n_out, int begin, int end,
+                    __global real *to, int plane, int left)
+{
+    real4_ r0 = 0, r1 = 0, r2 = 0, r3 = 0, r4 = 0, r5 = 0;
+    int newest = -1;
+    for (int k = begin; k < end; k++, to += plane) {
+        int last = span[k];
+        if (last < newest) // parameters that run back: anew
+            newest = -1;
+        for (newest = max(newest, last - degree - 1); newest < last;) {
+            newest++;
+            real4_ total = along_v(source + (size_t)newest * layer, inner, degree_v, v);
+            r0 = r1;
+            r1 = degree == 1 ? total : r2;
+            r2 = degree == 2 ? total : r3;
+            r3 = degree == 3 ? total : r4;
+            r4 = degree == 4 ? total : r5;
+            r5 = total;
+        }
+        __global const real *w = values + k;
+        real4_ node = w[0] * r0 + w[n_out] * r1;
+        if (degree > 1)
+            node += w[2 * n_out] * r2;
+        if (degree > 2)
+            node += w[3 * n_out] * r3;
+        if (degree > 3)
+            node += w[4 * n_out] * r4;
+        if (degree > 4)
+            node += w[5 * n_out] * r5;
+        stream_one(node.s0, to);
+        if (left > TILE)
+            stream_one(node.s1, to + TILE);
+        if (left > 2 * TILE)
+            stream_one(node.s2, to + 2 * TILE);
+        if (left > 3 * TILE)
+            stream_one(node.s3, to + 3 * TILE);
+    }
 }
 
 // v and w axes on a GPU: source (n_channels, n_w, n_v, inner) -> target (n_channels, out_w, out_v, inner).
 //
 // Launched over (n_channels * parts, bands * chunks * TILE_ROWS * TILE): a part is `part` planes, a band TILE_ROWS rows, a
 // chunk 4 * TILE of `inner`. A work item goes along w at four places of its chunk, TILE apart; chunks begin where the
-// memory's blocks do. Sums along v stay in registers, the oldest first, 0 beyond those of a span.
-__kernel void contract_columns(__global const real *source, int n_v, int n_w, int inner, __global const int *span_v,
-                               __global const real *values_v, int degree_v, int out_v, __global const int *span_w,
-                               __global const real *values_w, int degree_w, int out_w, int part,
-                               __global real *target)
+// memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of `source`.
+GROUP(TILE * TILE_ROWS) __kernel
+void contract_columns(__global const real *restrict source, int n_v, int n_w, int inner,
+                      __global const int *restrict span_v, __global const real *restrict values_v, int degree_v,
+                      int out_v, __global const int *restrict span_w, __global const real *restrict values_w,
+                      int degree_w, int out_w, int part, __global real *restrict target)
 {
     int item = get_global_id(0), group = get_global_id(1), n_parts = (out_w + part - 1) / part;
     int n_chunks = (inner + TILE - 1 + 4 * TILE - 1) / (4 * TILE), tile = item / TILE;
@@ -29,38 +86,27 @@ __kernel void contract_columns(__global const real *source, int n_v, int n_w, in
         return;
     int channel = group / n_parts, k = group % n_parts * part, end = min(k + part, out_w);
     size_t row = (((size_t)channel * out_w + k) * out_v + j) * inner;
-    int begin = tile / TILE_ROWS % n_chunks * (4 * TILE) + item % TILE - (int)(row % TILE);
-    if (begin >= inner)
+    int i = tile / TILE_ROWS % n_chunks * (4 * TILE) + item % TILE - (int)(row % TILE);
+    int count = 4;
+    if (i < 0) // before the row: its next three
+        i += TILE, count = 3;
+    if (i >= inner)
         return;
-    int i = max(begin, 0), o1 = clamp(begin + TILE, 0, inner - 1) - i;
-    int o2 = clamp(begin + 2 * TILE, 0, inner - 1) - i, o3 = clamp(begin + 3 * TILE, 0, inner - 1) - i;
     source += ((size_t)channel * n_w * n_v + span_v[j] - degree_v) * inner + i;
     target += row + i;
-    real v[MAX_DEGREE + 1];
-    for (int b = 0; b <= MAX_DEGREE; b++)
-        v[b] = b <= degree_v ? values_v[min(b, degree_v) * out_v + j] : 0;
-    real4_ none = 0, r0 = none, r1 = none, r2 = none, r3 = none, r4 = none, r5 = none;
-    int newest = -1;
-    for (; k < end; k++, target += (size_t)out_v * inner) {
-        int last = span_w[k];
-        if (last < newest) // parameters that run back: anew
-            newest = -1;
-        for (newest = max(newest, last - degree_w - 1); newest < last;) {
-            newest++;
-            __global const real *row = source + (size_t)newest * n_v * inner;
-            real4_ total = v[0] * places(row, o1, o2, o3);
-            for (int b = 1; b <= degree_v; b++)
-                total += v[b] * places(row + (size_t)b * inner, o1, o2, o3);
-            r0 = r1;
-            r1 = degree_w == 1 ? total : r2;
-            r2 = degree_w == 2 ? total : r3;
-            r3 = degree_w == 3 ? total : r4;
-            r4 = degree_w == 4 ? total : r5;
-            r5 = degree_w == 5 ? total : none;
-        }
-        __global const real *w = values_w + k;
-        real4_ node = w[0] * r0 + w[out_w] * r1 + w[min(degree_w, 2) * out_w] * r2 + w[min(degree_w, 3) * out_w] * r3 +
-                      w[min(degree_w, 4) * out_w] * r4 + w[min(degree_w, 5) * out_w] * r5;
-        target[0] = node.s0, target[o1] = node.s1, target[o2] = node.s2, target[o3] = node.s3;
+    int left = min(inner - i, count * TILE);
+    values_v += j;
+    real8_ v = 0;
+    v.s0 = values_v[0], v.s1 = values_v[out_v], v.s2 = degree_v > 1 ? values_v[2 * out_v] : 0;
+    v.s3 = degree_v > 2 ? values_v[3 * out_v] : 0, v.s4 = degree_v > 3 ? values_v[4 * out_v] : 0;
+    v.s5 = degree_v > 4 ? values_v[5 * out_v] : 0;
+#define ALONG_W(p)                                                                                                     \
+    along_w(p, source, n_v * inner, inner, degree_v, v, span_w, values_w, out_w, k, end, target, out_v * inner, left);
+    switch (degree_w) {
+    case 1: ALONG_W(1) break;
+    case 2: ALONG_W(2) break;
+    case 3: ALONG_W(3) break;
+    case 4: ALONG_W(4) break;
+    case 5: ALONG_W(5) break;
     }
 }

@@ -12,9 +12,88 @@ TILE_ROWS = wp.constant(8)  # such tiles along v, which read the same rows of co
 
 
 @wp.func
-def places(source: wp.array(dtype=Any), at: wp.int32, o1: wp.int32, o2: wp.int32, o3: wp.int32):
-    """Four numbers, so far behind the first."""
-    return wp.vector(element(source, at), element(source, at + o1), element(source, at + o2), element(source, at + o3))
+def places(source: wp.array(dtype=Any), at: wp.int32):
+    """Four numbers, TILE apart."""
+    return wp.vector(
+        element(source, at), element(source, at + TILE), element(source, at + 2 * TILE), element(source, at + 3 * TILE)
+    )
+
+
+@wp.func
+def along_v(source: wp.array(dtype=Any), at: wp.int32, inner: wp.int32, degree: wp.int32, v: Any):
+    """Sums along v of the plane that begins at ``at``, at four places."""
+    total = v[0] * places(source, at) + v[1] * places(source, at + inner)
+    if degree > 1:
+        total = total + v[2] * places(source, at + 2 * inner)
+    if degree > 2:
+        total = total + v[3] * places(source, at + 3 * inner)
+    if degree > 3:
+        total = total + v[4] * places(source, at + 4 * inner)
+    if degree > 4:
+        total = total + v[5] * places(source, at + 5 * inner)
+    return total
+
+
+@wp.func
+def along_w(
+    degree: wp.int32,
+    source: wp.array(dtype=Any),
+    rows: wp.int32,
+    layer: wp.int32,
+    inner: wp.int32,
+    degree_v: wp.int32,
+    v: Any,
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
+    n_out: wp.int32,
+    begin: wp.int32,
+    end: wp.int32,
+    target: wp.array(dtype=Any),
+    at: wp.int32,
+    plane: wp.int32,
+    left: wp.int32,
+):
+    """Go along w; one copy a degree, so that only the sums of its span are kept and added, the oldest first."""
+    none = v[0] * places(source, rows)
+    r0 = none
+    r1 = none
+    r2 = none
+    r3 = none
+    r4 = none
+    r5 = none
+    newest = wp.int32(-1)
+    to = wp.int32(at)
+    for k in range(begin, end):
+        last = element(span, k)
+        if last < newest:  # parameters that run back: anew
+            newest = -1
+        newest = wp.max(newest, last - degree - 1)
+        while newest < last:
+            newest = newest + 1
+            total = along_v(source, rows + newest * layer, inner, degree_v, v)
+            r0 = r1
+            r1 = wp.where(degree == 1, total, r2)
+            r2 = wp.where(degree == 2, total, r3)
+            r3 = wp.where(degree == 3, total, r4)
+            r4 = wp.where(degree == 4, total, r5)
+            r5 = total
+        node = element(values, k) * r0 + element(values, n_out + k) * r1
+        if degree > 1:
+            node = node + element(values, 2 * n_out + k) * r2
+        if degree > 2:
+            node = node + element(values, 3 * n_out + k) * r3
+        if degree > 3:
+            node = node + element(values, 4 * n_out + k) * r4
+        if degree > 4:
+            node = node + element(values, 5 * n_out + k) * r5
+        stream(target, to, node[0])
+        if left > TILE:
+            stream(target, to + TILE, node[1])
+        if left > 2 * TILE:
+            stream(target, to + 2 * TILE, node[2])
+        if left > 3 * TILE:
+            stream(target, to + 3 * TILE, node[3])
+        to = to + plane
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -39,7 +118,8 @@ def contract_columns(
 
     Launched over (n_channels * parts, bands * chunks * TILE_ROWS * TILE): a part is ``part`` planes, a band TILE_ROWS
     rows, a chunk 4 * TILE of ``inner``. A work item goes along w at four places of its chunk, TILE apart; chunks begin
-    where the memory's blocks do. Sums along v stay in registers, the oldest first, 0 beyond those of a span.
+    where the memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of
+    ``source``.
     """
     tid_group, item = wp.tid()
     group = tid_group + first
@@ -53,60 +133,33 @@ def contract_columns(
     k = group % n_parts * part
     end = wp.min(k + part, out_w)
     row = ((channel * out_w + k) * out_v + j) * inner
-    begin = tile // TILE_ROWS % n_chunks * (4 * TILE) + item % TILE - row % TILE
-    if begin >= inner:
+    i = tile // TILE_ROWS % n_chunks * (4 * TILE) + item % TILE - row % TILE
+    count = wp.int32(4)
+    if i < 0:  # before the row: its next three
+        i = i + TILE
+        count = 3
+    if i >= inner:
         return
-    i = wp.max(begin, 0)
-    o1 = wp.clamp(begin + TILE, 0, inner - 1) - i
-    o2 = wp.clamp(begin + 2 * TILE, 0, inner - 1) - i
-    o3 = wp.clamp(begin + 3 * TILE, 0, inner - 1) - i
+    v = wp.vector(
+        element(values_v, j),
+        element(values_v, out_v + j),
+        weight(values_v, 2, degree_v, j, out_v),
+        weight(values_v, 3, degree_v, j, out_v),
+        weight(values_v, 4, degree_v, j, out_v),
+        weight(values_v, 5, degree_v, j, out_v),
+    )
     rows = (channel * n_w * n_v + element(span_v, j) - degree_v) * inner + i
+    layer = n_v * inner
+    plane = out_v * inner
     to = row + i
-    v0 = weight(values_v, 0, degree_v, j, out_v)
-    v1 = weight(values_v, 1, degree_v, j, out_v)
-    v2 = weight(values_v, 2, degree_v, j, out_v)
-    v3 = weight(values_v, 3, degree_v, j, out_v)
-    v4 = weight(values_v, 4, degree_v, j, out_v)
-    v5 = weight(values_v, 5, degree_v, j, out_v)
-    none = target.dtype(0.0) * places(source, rows, o1, o2, o3)
-    r0 = none
-    r1 = none
-    r2 = none
-    r3 = none
-    r4 = none
-    r5 = none
-    newest = wp.int32(-1)
-    while k < end:
-        last = element(span_w, k)
-        if last < newest:  # parameters that run back: anew
-            newest = -1
-        newest = wp.max(newest, last - degree_w - 1)
-        while newest < last:
-            newest = newest + 1
-            at = rows + newest * n_v * inner
-            total = v0 * places(source, at, o1, o2, o3) + v1 * places(source, at + inner, o1, o2, o3)
-            if degree_v > 1:
-                total = total + v2 * places(source, at + 2 * inner, o1, o2, o3)
-            if degree_v > 2:
-                total = total + v3 * places(source, at + 3 * inner, o1, o2, o3)
-            if degree_v > 3:
-                total = total + v4 * places(source, at + 4 * inner, o1, o2, o3)
-            if degree_v > 4:
-                total = total + v5 * places(source, at + 5 * inner, o1, o2, o3)
-            r0 = r1
-            r1 = wp.where(degree_w == 1, total, r2)
-            r2 = wp.where(degree_w == 2, total, r3)
-            r3 = wp.where(degree_w == 3, total, r4)
-            r4 = wp.where(degree_w == 4, total, r5)
-            r5 = wp.where(degree_w == 5, total, none)
-        node = element(values_w, k) * r0 + element(values_w, out_w + k) * r1
-        node = node + element(values_w, wp.min(degree_w, 2) * out_w + k) * r2
-        node = node + element(values_w, wp.min(degree_w, 3) * out_w + k) * r3
-        node = node + element(values_w, wp.min(degree_w, 4) * out_w + k) * r4
-        node = node + element(values_w, wp.min(degree_w, 5) * out_w + k) * r5
-        stream(target, to, node[0])
-        stream(target, to + o1, node[1])
-        stream(target, to + o2, node[2])
-        stream(target, to + o3, node[3])
-        to = to + out_v * inner
-        k = k + 1
+    left = wp.min(inner - i, count * TILE)
+    if degree_w == 1:
+        along_w(1, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+    if degree_w == 2:
+        along_w(2, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+    if degree_w == 3:
+        along_w(3, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+    if degree_w == 4:
+        along_w(4, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+    if degree_w == 5:
+        along_w(5, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)

@@ -1,6 +1,7 @@
 // Types of every OpenCL kernel, put before each program by the OpenCL device.
 //
 // real   float or double, given as -D real=..., of REAL_BYTES
+// FUSED  defined for GPUs: a product and a sum may be one operation
 // LANES  elements of the vector type realv: 1 on a GPU, 8 on a CPU, where PoCL does not vectorise across work items by
 //        itself; in a file whose first line is WIDE 16 for the floats of AVX-512. A kernel written in realv says so with
 //        vec_type_hint(realv) and walks the fastest dimension with FOR_LANES; the device then launches it over fewer
@@ -33,8 +34,14 @@ inline int run_start(size_t item, int n)
 #define ALONE
 #endif
 
-// No multiplication and addition are fused, as in Warp on a CPU: both round alike and give the same mesh to the last bit.
+// For a kernel of a GPU whose tiles of work items make a group.
+#define GROUP(n) __attribute__((reqd_work_group_size(n, 1, 1)))
+
+// On a CPU no multiplication and addition are fused, as in Warp there: both round alike and give the same mesh to the last
+// bit. A GPU's compiler may fuse them, as Warp's does.
+#ifndef FUSED
 #pragma OPENCL FP_CONTRACT OFF
+#endif
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -132,6 +139,25 @@ inline void store_int(intv v, __global int *p, size_t offset, int count)
     for (int lane = 0; lane < count; lane++)
         p[offset + lane] = parts.lane[lane];
 }
+
+// What a GPU of NVIDIA does in one instruction and OpenCL C does not say: 1 / sqrt of what is more than the smallest
+// numbers, and writing past the caches.
+#if defined(__NV_CL_C_VERSION) && REAL_BYTES == 4
+inline real root_of_inverse(real squared)
+{
+    real root;
+    asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(squared));
+    return root;
+}
+
+inline void stream_one(real value, __global real *to)
+{
+    asm volatile("st.global.cs.f32 [%0], %1;" : : "l"((size_t)to), "f"(value));
+}
+#else
+#define root_of_inverse rsqrt
+#define stream_one(value, to) (*(to) = (value))
+#endif
 
 // Bytes from which a result is written past the caches.
 #define LARGE (1 << 24)

@@ -45,24 +45,28 @@ def fetch(plane: wp.array(dtype=Any), at: wp.int32) -> None:
 
 
 # Elements of a flat array without the stride and the count from its end that Warp allows for: on a GPU they cost more
-# than much arithmetic. Arrays have less than 2^31 elements.
-@wp.func_native("return values.data[at];")
+# than much arithmetic. Arrays have less than 2^31 elements. What is asserted, Warp's debug builds check.
+ELEMENT = "assert(at >= 0 && at < values.shape[0]); return values.data[at];"
+
+
+@wp.func_native(ELEMENT)
 def element(values: wp.array(dtype=wp.float32), at: wp.int32) -> wp.float32: ...
 
 
-@wp.func_native("return values.data[at];")
+@wp.func_native(ELEMENT)
 def element(values: wp.array(dtype=wp.float64), at: wp.int32) -> wp.float64: ...  # noqa: F811
 
 
-@wp.func_native("return values.data[at];")
+@wp.func_native(ELEMENT)
 def element(values: wp.array(dtype=wp.int32), at: wp.int32) -> wp.int32: ...  # noqa: F811
 
 
-@wp.func_native("values.data[at] = value;")
+@wp.func_native("assert(at >= 0 && at < values.shape[0]); values.data[at] = value;")
 def set_element(values: wp.array(dtype=Any), at: wp.int32, value: Any) -> None: ...
 
 
 @wp.func_native("""
+    assert(at >= 0 && at < values.shape[0]);
 #if defined(__CUDA_ARCH__)
     __stcs(values.data + at, value);
 #else

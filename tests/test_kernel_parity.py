@@ -28,7 +28,7 @@ def opencl_kernels(file: str) -> dict[str, list[tuple[str, str]]]:
         rows = []
         for argument in arguments.split(","):
             words = argument.replace("*", " * ").split()
-            kind = " ".join(word for word in words[:-1] if word not in ("__global", "const"))
+            kind = " ".join(word for word in words[:-1] if word not in ("__global", "const", "restrict"))
             rows.append((words[-1], kind))
         found[name] = rows
     return found

@@ -26,6 +26,7 @@ def with_cores(device: Device, cores: int) -> Device:
         ((4, 30, 33, 3), (2, 3, 4), (3, 4, 5)),  # rows and planes of control points that no node needs
         ((5, 4, 4, 36), (2, 3, 3), (64, 9, 8)),  # more channels than lanes
         ((5, 4, 4, 4), (4, 3, 3), (1, 1, 1)),
+        ((5, 8, 4, 4), (2, 5, 3), (291, 9, 34)),  # rows that begin anywhere in a GPU's blocks of memory, and end there
         ((20, 9, 12, 4), (3, 2, 3), (103, 101, 111)),  # larger than the caches: written past them
     ],
 )

@@ -76,6 +76,7 @@ class OpenCLDevice:
         self._is_cpu = bool(device.type & opencl.device_type.CPU)
         self._lanes = CPU_LANES if self._is_cpu else 1
         self._wide_lanes = WIDE_LANES if self._is_cpu and real == np.float32 and has_wide_vectors() else self._lanes
+        self._fused = [] if self._is_cpu else ["-DFUSED", "-cl-mad-enable"]
         self.cores = device.max_compute_units if self._is_cpu else 0
         if self._is_cpu and device.platform.name == "Portable Computing Language":
             name_processor(device)
@@ -187,7 +188,7 @@ class OpenCLDevice:
     def _options(self, lanes: int) -> list[str]:
         type_name = "double" if self.real == np.float64 else "float"
         single = [] if self.real == np.float64 else ["-cl-single-precision-constant"]
-        return [f"-Dreal={type_name}", f"-DREAL_BYTES={self.real.itemsize}", f"-DLANES={lanes}", *single]
+        return [f"-Dreal={type_name}", f"-DREAL_BYTES={self.real.itemsize}", f"-DLANES={lanes}", *single, *self._fused]
 
     def wait(self) -> None:
         """Return when everything launched has finished."""

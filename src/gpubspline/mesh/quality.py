@@ -42,14 +42,7 @@ def scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
         return np.asarray(device.get(_explicit(mesh, f"{kind}_scaled_jacobian", 1, device)))
     result = device.empty(mesh.n_elements)
     points = _put_points(mesh, device, structure.corner_nodes(mesh.element, mesh.structure))
-    launched = structure.element_counts(mesh.structure)[::-1]
-    if kind == "hex" and not device.cores:
-        n_w, n_v, n_u = launched
-        items = (-(-n_w // COLUMN_CELLS), -(-n_v // (2 * TILE_ROWS)) * -(-n_u // TILE) * TILE_ROWS * TILE)
-        device.launch("structured_quality.hex_columns", items, *points, *mesh.structure, COLUMN_CELLS, result)
-        return np.asarray(device.get(result))
-    kernel = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
-    device.launch(kernel, launched, *points, *mesh.structure, result)
+    launch_structured(kind, points, mesh.structure, result, device)
     return np.asarray(device.get(result))
 
 
@@ -57,6 +50,28 @@ def corner_scaled_jacobian(mesh: Mesh, device: Device) -> NDArray[Any]:
     """Scaled Jacobian at each corner of each element, (m, 4) or (m, 8), in the order of the vertices."""
     result = _explicit(mesh, f"{_kind(mesh)}_corner_jacobian", mesh.element.n_corners, device)
     return np.asarray(np.reshape(device.get(result), (-1, mesh.n_elements)).T)
+
+
+def launch_structured(
+    kind: str, points: Sequence[Buffer], counts: tuple[int, ...], result: Buffer, device: Device
+) -> None:
+    """Launch the kernel for a grid that suits the device, on hexes of a GPU along columns.
+
+    Arguments
+    ---------
+    kind: ``"hex"`` or ``"quad"``.
+    points: x, y, z (n,) each of the nodes.
+    counts: of nodes along u, v and w.
+    result: a number for each element.
+    """
+    launched = structure.element_counts(counts)[::-1]
+    if kind == "hex" and not device.cores:
+        n_w, n_v, n_u = launched
+        items = (-(-n_w // COLUMN_CELLS), -(-n_v // (2 * TILE_ROWS)) * -(-n_u // TILE) * TILE_ROWS * TILE)
+        device.launch("quality_columns.hex_scaled_jacobian", items, *points, *counts, COLUMN_CELLS, result)
+        return
+    kernel = {"hex": "structured_quality.hex_scaled_jacobian", "quad": "quality.quad_scaled_jacobian_structured"}[kind]
+    device.launch(kernel, launched, *points, *counts, result)
 
 
 def launch_explicit(

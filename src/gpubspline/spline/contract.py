@@ -55,7 +55,7 @@ def contract_grid(
         return _contract_solid(device, control, shape, degrees, bases)
     (span, values, inner), degree = bases[0], degrees[0]
     rows = prod(shape[1:])
-    source = device.empty((rows, inner))
+    source = device.empty(rows * inner + (TILE_PLACES - 1) * TILE)  # columns read past the last row
     rows_of = (control, rows, ROW_BLOCK, shape[0], span, values, degree, inner, source)
     device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
     if len(bases) == 3:
