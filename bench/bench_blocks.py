@@ -5,7 +5,6 @@ whose arms are about three elements thick, a sponge; and for the steps that keep
 """
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,6 +20,7 @@ from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import Region
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
+from gpubspline.mesh import improve as improvement
 from gpubspline.mesh.blocks import grow, mesher, place
 from gpubspline.mesh.blocks import lay as laying
 from gpubspline.mesh.blocks import level_set as levels
@@ -59,10 +59,12 @@ REPLACED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
     "spikes and dents of the core stay": (grow, "core_cells", lambda means: means < 0),
     "no repair of the core": (grow, "repair", lambda cells, means: (cells, 0, np.empty((0, 3), dtype=np.int64))),
     "start where the lattice is": (place, "start", lambda hexes, movable: _unmoved(hexes, movable)),
+    "poor hexes not mended alone": (improvement, "mend", lambda hexes, colours, best, effort: best),
+    "faces not measured once nodes are placed": (place, "_straightened", lambda holding, settled, phi, effort: settled),
 }
 """Steps that are left out by another function in their place."""
 
-ALL_PLACES = "all steps, other places tried"
+ALL_PLACES = "other places of the lattice tried"
 
 OF_THIN: dict[str, tuple[Any, str, Callable[..., Any]]] = {
     "all steps": (laying, "thickened", laying.thickened),
@@ -75,15 +77,21 @@ OF_THIN: dict[str, tuple[Any, str, Callable[..., Any]]] = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """One way to mesh a body: hexes, worst and mean scaled Jacobian, inverted hexes, volume and distance, seconds."""
+    """One way to mesh a body: worst scaled Jacobian, volume against the region's, mean distance from it in elements.
 
-    body: str
-    way: str
-    elements: int
-    least: float
-    volume_error: float
-    distance: float
-    seconds: float
+    NaN is what is not known; all are where no mesh is made.
+    """
+
+    least: float = np.nan
+    volume_error: float = np.nan
+    distance: float = np.nan
+
+    def __str__(self) -> str:
+        """As a cell of a table."""
+        if np.isnan(self.least):
+            return "no mesh"
+        more = "" if np.isnan(self.volume_error) else f", {self.volume_error:+.1%}, {self.distance:.3f}"
+        return ("inverted" if self.least <= 0 else f"{self.least:.3f}") + more
 
 
 def bodies() -> dict[str, tuple[Region, float]]:
@@ -146,28 +154,20 @@ def _capsule(points: Floats, end: Floats, radius: float) -> Floats:
     return np.asarray(np.linalg.norm(points - along * end, axis=-1) - radius)
 
 
-def ablations(region: Region, body: str, size_mm: float, device: Device) -> Iterator[Outcome]:
-    """Outcomes with every step, and without each in turn, on one lattice; then with other places of it."""
+def ablations(region: Region, size_mm: float, device: Device) -> Iterator[tuple[str, Outcome]]:
+    """Outcomes by their way: every step, and without each in turn, on one lattice; then with other places of it."""
     for way, options in OFF.items():
         of_level = {name: value for name, value in options.items() if name in ("smoothing", "closing")}
         of_mesh = {name: value for name, value in options.items() if name not in of_level}
-        yield _timed(
-            region,
-            body,
-            way,
-            size_mm,
-            device,
-            partial(_on_one_lattice, region, size_mm, device, of_level, of_mesh),
-        )
+        make = partial(_on_one_lattice, region, size_mm, device, of_level, of_mesh)
+        yield way, _outcome(region, size_mm, device, make)
     whole = partial(_on_one_lattice, region, size_mm, device, {}, {})
     for way, (home, name, instead) in REPLACED.items():
         with patch.object(home, name, instead):
-            yield _timed(region, body, way, size_mm, device, whole)
+            yield way, _outcome(region, size_mm, device, whole)
     with patch.object(mesher, "GOOD", 1.0):
-        yield _timed(region, body, ALL_PLACES, size_mm, device, partial(blocks_mesh, region, size_mm, device=device))
-    start = time.perf_counter()
-    elements, least = without_pillow(region, size_mm, device)
-    yield Outcome(body, NO_PILLOW, elements, least, np.nan, np.nan, time.perf_counter() - start)
+        yield ALL_PLACES, _outcome(region, size_mm, device, partial(blocks_mesh, region, size_mm, device=device))
+    yield NO_PILLOW, Outcome(without_pillow(region, size_mm, device)[1])
 
 
 def thin_ablations(region: Region, size_mm: float, device: Device) -> Iterator[str]:
@@ -197,16 +197,13 @@ def _on_one_lattice(
     return mesh_level_set(level_set(region, size_mm, device=device, **of_level), device, **of_mesh)
 
 
-def _timed(region: Region, body: str, way: str, size_mm: float, device: Device, make: Callable[[], Blocks]) -> Outcome:
-    start = time.perf_counter()
+def _outcome(region: Region, size_mm: float, device: Device, make: Callable[[], Blocks]) -> Outcome:
     try:
         made = make()
     except (MeshError, ValueError, IndexError):  # what is not manifold has no layer
-        return Outcome(body, way, 0, -1.0, np.nan, np.nan, time.perf_counter() - start)
-    seconds = time.perf_counter() - start
+        return Outcome()
     off = surface_distance(made.mesh, region, device).mean / size_mm
-    volume = made.mesh.volume_mm3 / region.volume_mm3 - 1
-    return Outcome(body, way, made.mesh.n_elements, made.report.min_scaled_jacobian, volume, off, seconds)
+    return Outcome(made.report.min_scaled_jacobian, made.mesh.volume_mm3 / region.volume_mm3 - 1, off)
 
 
 def without_pillow(region: Region, size_mm: float, device: Device) -> tuple[int, float]:
@@ -224,19 +221,13 @@ def without_pillow(region: Region, size_mm: float, device: Device) -> tuple[int,
     return count, improve(hexes, whole.colours[: whole.n_core], x, slack, replace(Effort(), loosen=False)).least
 
 
-def table(outcomes: list[Outcome]) -> Iterator[str]:
-    """Lines of a table in Markdown."""
-    yield "| body | way | hexes | worst scaled Jacobian | volume | mean distance / size | time | time / hex |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for row in outcomes:
-        volume, distance = (
-            "-" if np.isnan(value) else text
-            for value, text in ((row.volume_error, f"{row.volume_error:+.2%}"), (row.distance, f"{row.distance:.3f}"))
-        )
-        least = f"{row.least:.3f}" if row.least > 0 else "inverted"
-        each = f"{1e6 * row.seconds / row.elements:.0f} us" if row.elements else "-"
-        cells = (row.body, row.way, f"{row.elements:,}", least, volume, distance, f"{row.seconds:.1f} s", each)
-        yield f"| {' | '.join(cells)} |"
+def table(device: Device) -> Iterator[str]:
+    """Lines of a table in Markdown: what each way makes of each body."""
+    yield f"| | {' | '.join(f'{body}, {size:g} mm' for body, (_, size) in bodies().items())} |"
+    found = [dict(ablations(region, size, device)) for region, size in bodies().values()]
+    yield f"|---|{'---|' * len(found)}"
+    for way in found[0]:
+        yield f"| {way} | {' | '.join(str(outcomes[way]) for outcomes in found)} |"
 
 
 def main() -> None:
@@ -244,7 +235,7 @@ def main() -> None:
     device = open_device("auto")
     blocks_mesh(three_arms(), 6.0, device=device)  # compiles the kernels
     lines = ["## What each step buys", ""]
-    lines += table([o for body, (region, size) in bodies().items() for o in ablations(region, body, size, device)])
+    lines += table(device)
     lines += ["", "## What keeps thin features: plate, ring and spike, 2 mm", ""]
     lines += thin_ablations(thin_features(), 2.0, device)
     print("\n".join(lines))

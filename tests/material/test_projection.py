@@ -87,6 +87,7 @@ def test_nodes_against_sums_over_a_quadrature(element_type: str, device64: Devic
     met = np.unique(corners)
     for name, row in (("HU", 1), ("E_MPa", 2)):
         np.testing.assert_allclose(mapped.fields[name][met], sums[row, met] / sums[0, met], rtol=1e-6)
+    np.testing.assert_allclose(mapped.fields["nu"], SMOOTH.pieces[0].poisson)
     if element_type == "hex20":
         ends = mapped.fields["E_MPa"][mesh.cells[:, [0, 1]]].mean(axis=1)
         np.testing.assert_allclose(mapped.fields["E_MPa"][mesh.cells[:, 8]], ends, rtol=1e-12)
@@ -100,6 +101,32 @@ def test_a_linear_field_stays_inside_and_its_integral_everywhere(device64: Devic
     x, y, z = mesh.points[inner].T
     np.testing.assert_allclose(mapped.fields["HU"][inner], 600 + 20 * x - 10 * y * z, rtol=1e-12)
     assert integral(mapped, "HU", device64) == pytest.approx(600e3, rel=1e-12)
+
+
+def test_elements_a_few_at_a_time_are_all_of_them(device64: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, wide = block(), law()
+    sharp = mesh.with_fields({"HU": np.linspace(100, 3000, mesh.n_nodes)})
+    whole = assign(sharp, wide, Mapping("nodal-e", points=2), device=device64)
+    monkeypatch.setattr("gpubspline.mesh.quadrature.CHUNK", 64)  # 8 of 60 elements
+    parts = assign(sharp, wide, Mapping("nodal-e", points=2), device=device64)
+    for name, values in whole[0].fields.items():
+        np.testing.assert_allclose(parts[0].fields[name], values, rtol=1e-13)
+    assert 0 < whole[1].outside == parts[1].outside
+    with pytest.raises(InputError, match="got others in 153 of 480 quadrature points"):
+        assign(sharp, wide, Mapping("nodal-e", points=2, policy={"policy": "error"}), device=device64)
+
+
+def test_a_mean_between_two_ranges_is_no_place_outside(device: Device) -> None:
+    """Points at 1,000 and 1,100 HU are covered, the mean round the nodes between them is not: nodal-e minds not."""
+    gap = Law(
+        "gap", "", DensityRelation("apparent", 0.001), (Piece(1.0, 1040.0, 9.0, 1.0), Piece(1060.0, 3e3, 9.0, 1.0))
+    )
+    mesh, strict = block((3, 2, 2)), {"points": 1, "policy": {"policy": "error"}}
+    mesh = mesh.with_fields({"HU": 1050 + 20 * mesh.points[:, 0]})
+    mapped, _ = assign(mesh, gap, Mapping("nodal-e", **strict), device=device)
+    np.testing.assert_allclose(np.unique(mapped.fields["E_MPa"]), [9.0, 9.45, 9.9], rtol=1e-6)
+    with pytest.raises(InputError, match="at 4 of 12 nodes"):
+        assign(mesh, gap, Mapping("nodal-hu", **strict), device=device)
 
 
 def test_policies(device: Device) -> None:

@@ -7,15 +7,25 @@ from matplotlib.image import imread
 
 from gpubspline.ct.region import region_from_mask, region_from_threshold
 from gpubspline.ct.volume import Volume
+from gpubspline.errors import InputError
 from gpubspline.material.mapping import map_material
 from gpubspline.material.registry import law, laws
 from gpubspline.report.page.slices import views
-from gpubspline.report.preview import COLOURS, INSIDE, OUTLINE, OUTSIDE, _oriented, draw_preview, write_preview
+from gpubspline.report.preview import (
+    COLOURS,
+    INSIDE,
+    OUTLINE,
+    OUTSIDE,
+    _fullest,
+    _oriented,
+    draw_preview,
+    write_preview,
+)
 from gpubspline.report.tissues import find_tissues
 
 
-def turned(order, signs, hu=lambda off, x: np.where(off < 9, 700 + 20 * x, -1000)):
-    """A ball of 9 mm about (20, -12, 30) mm, brighter to the left, in a scan of these axes along i, j, k."""
+def turned(order, signs, hu):
+    """HU of the distance from (20, -12, 30) mm and of x, y, z there, in a scan of these axes along i, j, k."""
     affine = np.eye(4)
     affine[:3, :3] = 0
     for index, (patient, sign) in enumerate(zip(order, signs, strict=True)):
@@ -25,25 +35,35 @@ def turned(order, signs, hu=lambda off, x: np.where(off < 9, 700 + 20 * x, -1000
     i, j, k = np.meshgrid(*map(np.arange, shape), indexing="ij")
     places = np.stack([i, j, k], axis=-1) @ affine[:3, :3].T + affine[:3, 3]
     off = np.linalg.norm(places - [20, -12, 30], axis=-1)
-    values = hu(off, places[..., 0] - 20)
+    values = hu(off, *np.moveaxis(places - [20, -12, 30], -1, 0))
     return Volume(np.transpose(values, (2, 1, 0)).astype(np.int16), affine, "made")
 
 
 @pytest.mark.parametrize(
-    ("order", "signs"), [((0, 1, 2), (1, 1, 1)), ((2, 0, 1), (-1, 1, -1)), ((1, 2, 0), (1, -1, 1))]
+    ("order", "signs"),
+    [((0, 1, 2), (1, 1, 1)), ((2, 0, 1), (-1, -1, -1)), ((1, 2, 0), (-1, 1, -1)), ((0, 2, 1), (-1, -1, 1))],
 )
 def test_slices_lie_as_radiology_has_them(order, signs):
-    """Left is at the right of axial and coronal slices, however the scan is stored."""
-    volume = turned(order, signs)
-    for view in views(volume.affine)[:2]:
-        cut = _oriented(volume.hu, view, volume.shape[view["across"]] // 2)
-        middle = cut[cut.shape[0] // 2]
-        body = middle[middle > 0]
-        assert view["letters"][:2] == ["R", "L"] and np.all(np.diff(body) >= 0) and body[0] < 600 < 800 < body[-1]
+    """The patient's left at the right, front and head above, however the scan is stored: it is brighter there."""
+    volume = turned(order, signs, lambda off, x, y, z: np.where(off < 9, 700 + 20 * x - 7 * y + 11 * z, -1000))
+    letters = {"axial": ["R", "L", "A", "P"], "coronal": ["R", "L", "S", "I"], "sagittal": ["A", "P", "S", "I"]}
+    for view in views(volume.affine):
+        cut = _oriented(volume.hu, view, volume.shape[view["across"]] // 2).astype(float)
+        assert view["letters"] == letters.pop(view["name"])
+        cut[cut < 0] = np.nan
+        right, down = np.nanmean(np.diff(cut, axis=1)), np.nanmean(np.diff(cut, axis=0))
+        assert (right > 0) == (view["letters"][1] == "L") and down < 0
+    assert not letters
+
+
+def test_slices_are_those_that_hold_most():
+    mask = np.zeros((8, 9, 10), dtype=bool)
+    mask[1, 2:5, 3] = mask[1, 2, 3:9] = mask[6, 7, 8] = True
+    assert [_fullest(mask, axis) for axis in range(3)] == [1, 2, 3]
 
 
 def test_the_outline_is_as_long_as_the_body_is_round(tmp_path):
-    volume = turned((0, 1, 2), (1, 1, 1), lambda off, x: 100 * (9 - off))
+    volume = turned((0, 1, 2), (1, 1, 1), lambda off, x, y, z: 100 * (9 - off))
     region = region_from_threshold(volume, 0)
     figure = draw_preview(volume, region, 0.0)
     for axes in figure.axes[:3]:
@@ -52,7 +72,13 @@ def test_the_outline_is_as_long_as_the_body_is_round(tmp_path):
         sizes = {"axial": (30, 36), "coronal": (30, 40), "sagittal": (36, 40)}
         name = axes.texts[-1].get_text().split(",")[0]
         np.testing.assert_allclose(across * sizes[name], 18, atol=0.5)
+        middle = (path.vertices.min(axis=0) + path.vertices.max(axis=0)) / 2
+        np.testing.assert_allclose(middle, [np.mean(axes.get_xlim()), np.mean(axes.get_ylim())], atol=0.01)  # inches
+    every, inside = (bars.get_data().values for bars in figure.axes[3].patches)
+    assert (every[every > 0.5].sum(), inside[inside > 0.5].sum()) == (volume.hu.size, region.mask.sum())
     assert [text.get_text() for text in figure.axes[3].texts] == ["threshold 0"]
+    with pytest.raises(InputError, match=r"\.png"):
+        write_preview(volume, region, tmp_path / "p.pdf")
     write_preview(volume, region_from_mask(volume, region.mask), tmp_path / "p.png")
     wanted = [int(OUTLINE[n : n + 2], 16) / 255 for n in (1, 3, 5)]
     near = np.abs(imread(tmp_path / "p.png")[..., :3] - wanted).max(axis=2) < 0.1
@@ -71,6 +97,8 @@ def test_the_command_says_what_is_left_out_and_refuses_what_is_no_picture(run, t
         status, said, err = run("preview", "ct.npy", "--spacing", "1,1,1", *words)
         assert (status, said) == (2, "") and err.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ct.npy", "p.png"]
+    err = run("preview", "ct.npy", "--spacing", "1,1,1", "--mask", "p.png", "-o", "p.png")[2]
+    assert "p.png" in err and "input" in err
 
 
 def labelled_cube():

@@ -180,10 +180,12 @@ def _nodal(
         return mapped, nodal_alarms(mapped, nodal, device)
     there, real = law_on_device(law, device, **mapping.policy), mesh.points.dtype
     made = project(mesh, there, **_reading(mesh, mapping, volume, region, device))
-    mapped, nodal = apply_material(mesh.with_fields({"HU": made.hu.astype(real)}), law, device=device, **mapping.policy)
+    policy = mapping.policy
+    if mapping.how == "nodal-e" and policy.get("policy") == "error":
+        _refuse_outside(made, law)
+        policy = {}  # a mean may lie between two ranges where no point does
+    mapped, nodal = apply_material(mesh.with_fields({"HU": made.hu.astype(real)}), law, device=device, **policy)
     if mapping.how == "nodal-e":
-        if mapping.policy.get("policy") == "error":
-            _refuse_outside(made, law)
         names = ("density_g_cm3", "modulus_mpa", "poisson")
         nodal = replace(nodal, **{name: getattr(made, name).astype(real) for name in names})
         fields = {"density_g_cm3": nodal.density_g_cm3, "E_MPa": nodal.modulus_mpa, "nu": nodal.poisson}

@@ -153,7 +153,7 @@ def _oriented(values: NDArray[Any], view: dict[str, Any], n: int) -> NDArray[Any
 def _draw_outline(axes: Axes, distance: NDArray[Any], wide: float, tall: float) -> None:
     """Draw the zero level of the distance between the centres of pixels; none where it crosses no slice."""
     rows, columns = distance.shape
-    if min(rows, columns) < 2 or not distance.min() < 0 < distance.max():
+    if not distance.min() < 0 < distance.max():
         return
     x, y = (np.arange(columns) + 0.5) * wide / columns, (np.arange(rows) + 0.5) * tall / rows
     axes.contour(x, y, distance, levels=[0.0], colors=[OUTLINE], linewidths=1.2)
