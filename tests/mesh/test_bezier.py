@@ -140,6 +140,8 @@ def test_points_are_held_back_where_a_block_would_fold(
     held = bezier_blocks(mesh, wild, degree)
     assert least(held).min() > -1e-9
     assert scaled_jacobian(held.sample(3, project=wild), device64).min() > 0
+    firm = bezier_blocks(mesh, wild, degree, floor=0.4).sample(4)  # no straight one is below
+    assert scaled_jacobian(held.sample(4), device64).min() < 0.35 and scaled_jacobian(firm, device64).min() > 0.39
     count = held.lattice.on_boundary.sum()
     assert 0 < held.held_back["count"] < count and 0 < held.held_back["max_mm"] < 3 * np.sqrt(3)
     monkeypatch.setattr("gpubspline.mesh.bezier.KEPT", -np.inf)
@@ -152,7 +154,9 @@ def test_corners_that_stay_keep_what_is_near_them() -> None:
     mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, project=on_sphere)
     tip = int(np.argmax(mesh.points[:, 2]))
     mesh.points[tip] *= 1.3
-    fine = bezier_blocks(mesh, on_sphere, 2, stay=np.array([tip])).sample(3, project=on_sphere)
+    blocks = bezier_blocks(mesh, on_sphere, 2, stay=np.array([tip]))
+    assert blocks.held_back == {"count": 0, "max_mm": 0.0}  # what stays on purpose is not
+    fine = blocks.sample(3, project=on_sphere)
     np.testing.assert_allclose(fine.points[tip], mesh.points[tip])
     radii = np.linalg.norm(fine.points[np.unique(fine.boundary())], axis=1)
     off = np.abs(radii - RADIUS) > 1e-6 * RADIUS

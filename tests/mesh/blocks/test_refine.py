@@ -13,10 +13,12 @@ from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.curved import LEAST, curve, onto, unbiased
+from gpubspline.mesh.blocks.grow import ON_SURFACE
 from gpubspline.mesh.blocks.level_set import volume_inside
 from gpubspline.mesh.blocks.mesher import blocks_mesh
-from gpubspline.mesh.blocks.refine import GIVEN, refine
+from gpubspline.mesh.blocks.refine import GIVEN, _slack, refine
 from gpubspline.mesh.blocks.result import Blocks
+from gpubspline.mesh.movable import FIXED, FREE
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.validity import certify
 
@@ -80,6 +82,13 @@ def test_parts_stay_parts(device: Device) -> None:
     assert np.array_equal(shared, fine.node_sets["low_to_high"]) and len(shared) > 3 * len(
         coarse.mesh.node_sets["low_to_high"]
     )
+
+
+def test_what_holds_the_nodes_of_a_finer_mesh() -> None:
+    """Those of the surface by how far they are off it, those between bodies where they are, all others by nothing."""
+    sets = {"surface": np.array([0, 1, 2]), "low_to_high": np.array([2, 3])}
+    slack = _slack(sets, np.array([0.5 * ON_SURFACE, 0.3, 0.0, 0.0, 0.7]))
+    assert slack.tolist() == [0.0, 0.3, FIXED, FIXED, FREE]
 
 
 def test_points_between_two_sheets_find_one(device: Device) -> None:
