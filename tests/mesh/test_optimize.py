@@ -1,5 +1,7 @@
 """Optimisation of any hexes: better, the surface kept, fields carried, sets kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from gpubspline.mesh.optimize import optimize
 from gpubspline.mesh.own_surface import smooth_parts
 from gpubspline.mesh.pieces import edges_of
 from gpubspline.mesh.quality import assess
+from gpubspline.mesh.validity import certify
 
 COUNTS = (7, 6, 5)
 
@@ -69,6 +72,41 @@ def test_a_floor_that_many_hexes_are_hardly_above_is_crept_up_to(device):
     mesh = disc(13, 5, 5.0)
     _, report = optimize(mesh, device)
     assert report.before < 0.02 and report.after > 0.145 and report.boundary_mm < 0.02
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_of_what_is_reached_the_last_that_is_valid_is_taken(sound, device, monkeypatch):
+    """An inner node a tenth of an edge farther on, or through the hexes beside it, called better each time."""
+    mesh, found = jittered(), []
+
+    def persisted(hexes, colours, best, effort):
+        x = np.array(hexes.device.get(best.x)).reshape(-1, mesh.n_nodes)
+        x[0, 7 * 6 * 2 + 7 * 3 + 3] += 0.1 if sound else 3.0
+        found.append(replace(best, x=hexes.device.put(x), least=0.9))
+        return [best, found[-1]]
+
+    monkeypatch.setattr("gpubspline.mesh.optimize.persist", lambda hexes, colours, best, effort: [best])
+    plain, _ = optimize(mesh, device)
+    monkeypatch.setattr("gpubspline.mesh.optimize.persist", persisted)
+    made, _ = optimize(mesh, device)
+    way = np.linalg.norm(made.points - plain.points, axis=1)
+    assert len(found) == 1 and np.count_nonzero(way > 1e-6) == sound and certify(made, device).certificate.valid
+
+
+def test_a_start_whose_elements_fold_inside_is_not_better(device, monkeypatch):
+    """However good their corners: a valid mesh is kept."""
+    starts = iter([(0.0, (True, 0.1)), (0.5, (False, 0.9))])
+
+    def improved(self, points, at, boundary, effort):
+        way, rank = next(starts)
+        return self.mesh.points + np.array([way, 0.0, 0.0]), rank
+
+    monkeypatch.setattr("gpubspline.mesh.optimize._Start.opened", lambda self, patch: (self.points, self.held.at))
+    monkeypatch.setattr("gpubspline.mesh.optimize._Start.improved", improved)
+    monkeypatch.setattr("gpubspline.mesh.optimize._moved", lambda mesh, points: moved.append(points) or mesh)
+    mesh, moved = jittered(), []
+    optimize(mesh, device)
+    assert np.array_equal(moved[0], mesh.points) and not list(starts)
 
 
 def round_slice(n=13):

@@ -92,12 +92,12 @@ def optimize(
     mesh.check_finite()
     effort = replace(effort or Effort(), few=0.0, loosen=False, **ANY_LENGTH)
     start = _Start(mesh, patch, device)
-    moved, least = start.improved(start.points, start.held.at, boundary, effort)
-    if boundary == "slide" and least < min(OPENED_BELOW, effort.goal):
+    moved, rank = start.improved(start.points, start.held.at, boundary, effort)
+    if boundary == "slide" and rank[1] < min(OPENED_BELOW, effort.goal):
         opened = start.opened(patch)
         if opened is not None:
-            other, most = start.improved(*opened, boundary, effort)
-            moved = other if most > least else moved
+            other, its_rank = start.improved(*opened, boundary, effort)
+            moved = other if its_rank > rank else moved
     before = float(scaled_jacobian(mesh, device).min())
     made = _moved(mesh, moved)
     after = float(scaled_jacobian(made, device).min())
@@ -134,8 +134,13 @@ class _Start:
         points = self._scaled(_sampled(self.mesh, patch, parameters, self.device))
         return points, self.held.found(points, self.device)
 
-    def improved(self, points: Floats, at: NDArray[np.int64], boundary: str, effort: Effort) -> tuple[Floats, float]:
-        """Places (n, 3), mm, of the nodes of better elements from a start, and the least scaled Jacobian there."""
+    def improved(
+        self, points: Floats, at: NDArray[np.int64], boundary: str, effort: Effort
+    ) -> tuple[Floats, tuple[bool, float]]:
+        """Places (n, 3), mm, of the nodes of better elements from a start, and how good they are.
+
+        That is whether all are valid throughout, as quads always are, and the least scaled Jacobian.
+        """
         mesh, held, device = self.mesh, self.held, self.device
         if boundary == "stay":
             held.slack[np.unique(mesh.boundary())] = FIXED
@@ -149,8 +154,8 @@ class _Start:
         for one in reversed(reached):  # the last whose hexes are valid throughout, not at their corners alone
             places = self._places(hexes, one.x)
             if mesh.element.dimension < 3 or certify(_bare(mesh, places), device).certificate.valid:
-                return places, one.least
-        return self._places(hexes, reached[-1].x), reached[-1].least
+                return places, (True, one.least)
+        return self._places(hexes, reached[-1].x), (False, reached[-1].least)
 
     def _places(self, hexes: Movable, x: Buffer) -> Floats:
         """Places (n, 3), mm, of nodes x."""
