@@ -17,7 +17,7 @@
 // u axis of `count` rows of a plane, at most BLOCK, to their places in a ring. The spans of LANES parameters lie in one
 // vector of control points where `near` says so, else in as many as it takes. `next` are the rows that the next call wants.
 inline void contract_lines(int count, __global const real *from, __global const real *next, int n_u,
-                           __global const int *span, __global const real *values, int degree, int n_out, bool near,
+                           __global const int *span, __global const real *values, int n_all, int degree, int n_out, bool near,
                            __global real *const *to)
 {
     for (int i = 0; i < n_out; i += LANES) {
@@ -31,7 +31,7 @@ inline void contract_lines(int count, __global const real *from, __global const 
             intv at = first - start;
             maskv inside = to_maskv(at >= 0 && at < LANES - degree);
 #define PICKED(a) pick(window, at + a)
-#define WEIGHTS(a, p) (a <= p ? select((realv)0, load(values, (size_t)a * n_out + i), given) : 0)
+#define WEIGHTS(a, p) (a <= p ? select((realv)0, load(values, (size_t)a * n_all + i), given) : 0)
 #define LINES(p)                                                                      \
     realv w0 = WEIGHTS(0, p), w1 = WEIGHTS(1, p), w2 = WEIGHTS(2, p);                 \
     realv w3 = WEIGHTS(3, p), w4 = WEIGHTS(4, p), w5 = WEIGHTS(5, p);                 \
@@ -63,7 +63,7 @@ inline bool spans_are_near(__global const int *span, int degree, int n_out)
 }
 
 // The sum of degree + 1 rows of `count` numbers, from `at` on in each, by the weights of one parameter.
-inline void sum_rows(int degree, __global real *const *rows, size_t at, __global const real *values, int n_out,
+inline void sum_rows(int degree, __global real *const *rows, size_t at, __global const real *values, int n_all,
                      int count, __global real *to, bool large)
 {
     real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
@@ -106,10 +106,9 @@ inline void lay_ring(int places, size_t size, __global real *ring, __global real
 // memory, `item_size` an item.
 ALONE __kernel __attribute__((vec_type_hint(realv)))
 void contract_solid(__global const real *control, int n_channels, int n_u, int n_v, int n_w,
-                    __global const int *span_u, __global const real *values_u, int degree_u, int out_u,
-                    __global const int *span_v, __global const real *values_v, int degree_v, int out_v,
-                    __global const int *span_w, __global const real *values_w, int degree_w, int out_w, int band,
-                    int part, int n_planes, int item_size, __global real *scratch, __global real *vectors, __global real *target)
+                    __global const int *span, __global const real *values, int degree_u, int out_u, int degree_v,
+                    int out_v, int degree_w, int out_w, int band, int part, int n_planes, int item_size,
+                    __global real *scratch, __global real *vectors, __global real *target)
 {
 #if LANES > 1
     if (get_global_id(0) > 0)
@@ -118,6 +117,9 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     int first_j = item % n_bands * band, end_j = min(first_j + band, out_v);
     int first_k = item / n_bands % n_parts * part, end_k = min(first_k + part, out_w);
     size_t channel = item / (n_bands * n_parts);
+    int n_all = out_u + out_v + out_w;
+    __global const int *span_v = span + out_u, *span_w = span_v + out_v;
+    __global const real *values_v = values + out_u, *values_w = values_v + out_v;
     control += channel * n_w * n_v * n_u;
     target += (channel * out_w * out_v + first_j) * out_u;
     bool large = (size_t)n_channels * out_u * out_v * out_w * sizeof(real) > LARGE;
@@ -133,7 +135,7 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
         first_row = min(first_row, span_v[j] - degree_v);
         end_row = max(end_row, span_v[j] + 1);
     }
-    bool near = spans_are_near(span_u, degree_u, out_u);
+    bool near = spans_are_near(span, degree_u, out_u);
     for (int k = first_k, end, plane = 0; k < end_k; k = end) {
         if (k > first_k && span_w[k] < span_w[k - 1]) // parameters that run back: the ring begins anew
             plane = 0;
@@ -147,19 +149,19 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                 for (row = max(row, span_v[j] - degree_v); row <= span_v[j]; row += BLOCK) {
                     size_t at = (size_t)plane * n_v + row;
                     size_t next = row + BLOCK < end_row ? at + BLOCK : (size_t)(plane + 1) * n_v + first_row;
-                    contract_lines(min(BLOCK, end_row - row), control + at * n_u, control + next * n_u, n_u, span_u,
-                                   values_u, degree_u, out_u, near, in_rows + (uint)row % N_ROWS);
+                    contract_lines(min(BLOCK, end_row - row), control + at * n_u, control + next * n_u, n_u, span, values,
+                                   n_all, degree_u, out_u, near, in_rows + (uint)row % N_ROWS);
                 }
                 __global real *const *from = in_rows + (uint)(span_v[j] - degree_v) % N_ROWS;
                 __global real *to = in_planes[plane % n_planes] + (j - first_j) * out_u;
-                sum_rows(degree_v, from, 0, values_v + j, out_v, row_size, to, false);
+                sum_rows(degree_v, from, 0, values_v + j, n_all, row_size, to, false);
             }
         }
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
                 __global real *const *from = in_planes + (span_w[at] - degree_w) % n_planes;
                 __global real *to = target + (size_t)at * out_v * out_u + done;
-                sum_rows(degree_w, from, done, values_w + at, out_w, min(count - done, CHUNK), to, large);
+                sum_rows(degree_w, from, done, values_w + at, n_all, min(count - done, CHUNK), to, large);
             }
         }
     }

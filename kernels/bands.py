@@ -17,19 +17,19 @@ def sum_rows(
     values: wp.array(dtype=Any),
     degree: wp.int32,
     at: wp.int32,
-    n_out: wp.int32,
+    n_all: wp.int32,
     count: wp.int32,
     lanes: wp.int32,
     target: LaneArray,
     to: wp.int64,
 ):
     """The sum of degree + 1 rows of ``count`` numbers by the weights of one parameter."""
-    w0 = weight(values, 0, degree, at, n_out)
-    w1 = weight(values, 1, degree, at, n_out)
-    w2 = weight(values, 2, degree, at, n_out)
-    w3 = weight(values, 3, degree, at, n_out)
-    w4 = weight(values, 4, degree, at, n_out)
-    w5 = weight(values, 5, degree, at, n_out)
+    w0 = weight(values, 0, degree, at, n_all)
+    w1 = weight(values, 1, degree, at, n_all)
+    w2 = weight(values, 2, degree, at, n_all)
+    w3 = weight(values, 3, degree, at, n_all)
+    w4 = weight(values, 4, degree, at, n_all)
+    w5 = weight(values, 5, degree, at, n_all)
     for vector in range((count + lanes - 1) // lanes):
         i = wp.int64(wp.min(vector * lanes, count - lanes))
         total = w0 * source[row[0] + i] + w1 * source[row[1] + i]
@@ -92,6 +92,7 @@ def interleave(
 def contract_lines(
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
+    n_all: wp.int32,
     degree: wp.int32,
     n_out: wp.int32,
     row: wp.int32,
@@ -110,7 +111,7 @@ def contract_lines(
             start = packed + wp.int64((span[first + m] - degree) * lanes)
             total = values[first + m] * vectors[start]
             for a in range(1, degree + 1):
-                total = total + values[a * n_out + first + m] * vectors[start + wp.int64(a * lanes)]
+                total = total + values[a * n_all + first + m] * vectors[start + wp.int64(a * lanes)]
             tile[m] = total
         turned = wp.transpose(tile)
         for m in range(lanes):
@@ -124,16 +125,12 @@ def contract_solid(
     n_u: wp.int32,
     n_v: wp.int32,
     n_w: wp.int32,
-    span_u: wp.array(dtype=wp.int32),
-    values_u: wp.array(dtype=Any),
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
     degree_u: wp.int32,
     out_u: wp.int32,
-    span_v: wp.array(dtype=wp.int32),
-    values_v: wp.array(dtype=Any),
     degree_v: wp.int32,
     out_v: wp.int32,
-    span_w: wp.array(dtype=wp.int32),
-    values_w: wp.array(dtype=Any),
     degree_w: wp.int32,
     out_w: wp.int32,
     band: wp.int32,
@@ -160,10 +157,12 @@ def contract_solid(
     item = tid_item + first
     n_bands = (out_v + band - 1) // band
     n_parts = (out_w + part - 1) // part
-    first_j = (item % n_bands) * band
-    end_j = wp.min(first_j + band, out_v)
-    first_k = (item // n_bands % n_parts) * part
-    end_k = wp.min(first_k + part, out_w)
+    n_uv = out_u + out_v  # parameters; those of v are behind those of u, those of w behind them
+    n_all = n_uv + out_w
+    first_j = out_u + (item % n_bands) * band
+    end_j = wp.min(first_j + band, n_uv)
+    first_k = n_uv + (item // n_bands % n_parts) * part
+    end_k = wp.min(first_k + part, n_all)
     channel = wp.int64(item // (n_bands * n_parts))
     count = (end_j - first_j) * out_u
     n_rows = degree_v + lanes
@@ -175,41 +174,41 @@ def contract_solid(
     plane = wp.int32(0)
     k = first_k
     while k < end_k:
-        if k > first_k and span_w[k] < span_w[wp.max(k - 1, 0)]:  # parameters that run back: the ring begins anew
+        if k > first_k and span[k] < span[wp.max(k - 1, 0)]:  # parameters that run back: the ring begins anew
             plane = 0
-        ahead = span_w[k] - degree_w
+        ahead = span[k] - degree_w
         plane = wp.max(plane, ahead)
         ahead = ahead + n_planes
         end = k + 1
         while end < end_k and wp.where(
-            span_w[wp.min(end, end_k - 1)] < ahead, span_w[wp.min(end, end_k - 1)] >= span_w[end - 1], False
+            span[wp.min(end, end_k - 1)] < ahead, span[wp.min(end, end_k - 1)] >= span[end - 1], False
         ):
             end = end + 1
-        while plane <= span_w[end - 1]:
+        while plane <= span[end - 1]:
             source = (channel * wp.int64(n_w) + wp.int64(plane)) * wp.int64(n_v * n_u)
             row = wp.int32(0)
             for j in range(first_j, end_j):
-                if j > first_j and span_v[j] < span_v[wp.max(j - 1, 0)]:
+                if j > first_j and span[j] < span[wp.max(j - 1, 0)]:
                     row = 0
-                row = wp.max(row, span_v[j] - degree_v)
-                while row <= span_v[j]:
+                row = wp.max(row, span[j] - degree_v)
+                while row <= span[j]:
                     soon = source + wp.int64(row + lanes) * wp.int64(n_u)
-                    if row + lanes > span_v[end_j - 1]:  # the first of the next plane
-                        soon = source + wp.int64(n_v + span_v[first_j] - degree_v) * wp.int64(n_u)
+                    if row + lanes > span[end_j - 1]:  # the first of the next plane
+                        soon = source + wp.int64(n_v + span[first_j] - degree_v) * wp.int64(n_u)
                     interleave(control, source, row, n_u, n_v, lanes, scratch, vectors, packed, soon)
                     contract_lines(
-                        span_u, values_u, degree_u, out_u, row, lanes, vectors, packed, rows, n_rows, row_size
+                        span, values, n_all, degree_u, out_u, row, lanes, vectors, packed, rows, n_rows, row_size
                     )
                     row = row + lanes
-                each = ring_rows(span_v[j] - degree_v, degree_v, n_rows, row_size, rows)
+                each = ring_rows(span[j] - degree_v, degree_v, n_rows, row_size, rows)
                 to = planes + wp.int64((plane % n_planes) * plane_size + (j - first_j) * out_u)
-                sum_rows(vectors, each, values_v, degree_v, j, out_v, out_u, lanes, vectors, to)
+                sum_rows(vectors, each, values, degree_v, j, n_all, out_u, lanes, vectors, to)
             plane = plane + 1
         for done in range(0, count, CHUNK):
             size = wp.min(count - done, CHUNK)
             for at in range(k, end):
-                each = ring_rows(span_w[at] - degree_w, degree_w, n_planes, plane_size, planes + wp.int64(done))
-                layer = (channel * wp.int64(out_w) + wp.int64(at)) * wp.int64(out_v)
-                to = (layer + wp.int64(first_j)) * wp.int64(out_u) + wp.int64(done)
-                sum_rows(vectors, each, values_w, degree_w, at, out_w, size, lanes, target, to)
+                each = ring_rows(span[at] - degree_w, degree_w, n_planes, plane_size, planes + wp.int64(done))
+                layer = (channel * wp.int64(out_w) + wp.int64(at - n_uv)) * wp.int64(out_v)
+                to = (layer + wp.int64(first_j - out_u)) * wp.int64(out_u) + wp.int64(done)
+                sum_rows(vectors, each, values, degree_w, at, n_all, size, lanes, target, to)
         k = end

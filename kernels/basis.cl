@@ -19,15 +19,24 @@ inline int knot_span(__global const real *knots, int degree, int n_control, real
     return low;
 }
 
-// The `order`-th derivatives of the degree + 1 basis functions that live at each parameter.
+// The derivatives, of an order, of the degree + 1 basis functions that live at each parameter of each direction.
+//
+// given: the knots of u, v and w one after another, then their parameters, `out_u` and so on, n in all. span: (n,);
 // values: (degree + 1, n) planes; function span - degree + a is plane a.
-__kernel void basis_functions(__global const real *knots, int degree, int n_control, __global const real *parameters,
-                              int n, int order, __global int *span, __global real *values)
+__kernel void basis_functions(__global const real *given, int degree_u, int n_u, int out_u, int order_u, int degree_v,
+                              int n_v, int out_v, int order_v, int degree_w, int n_w, int out_w, int order_w,
+                              __global int *span, __global real *values)
 {
-    int i = get_global_id(0);
+    int i = get_global_id(0), n = out_u + out_v + out_w;
     if (i >= n)
         return;
-    real t = parameters[i];
+    int degree = degree_u, n_control = n_u, order = order_u;
+    __global const real *knots = given;
+    if (i >= out_u)
+        knots += n_u + degree_u + 1, degree = degree_v, n_control = n_v, order = order_v;
+    if (i >= out_u + out_v)
+        knots += n_v + degree_v + 1, degree = degree_w, n_control = n_w, order = order_w;
+    real t = given[n_u + degree_u + n_v + degree_v + n_w + degree_w + 3 + i];
     int s = knot_span(knots, degree, n_control, t);
     real N[MAX_DEGREE + 1];
     for (int a = 0; a <= MAX_DEGREE; a++)

@@ -29,7 +29,7 @@ inline real4_ along_v(__global const real *from, int inner, int degree, real8_ v
 
 // Goes along w; one copy a degree, so that only the sums of its span are kept and added, the oldest first.
 inline void along_w(int degree, __global const real *source, int layer, int inner, int degree_v, real8_ v,
-                    __global const int *span, __global const real *values, int n_out, int begin, int end,
+                    __global const int *span, __global const real *values, int n_all, int begin, int end,
                     __global real *to, int plane, int left)
 {
     real4_ r0 = 0, r1 = 0, r2 = 0, r3 = 0, r4 = 0, r5 = 0;
@@ -49,15 +49,15 @@ inline void along_w(int degree, __global const real *source, int layer, int inne
             r5 = total;
         }
         __global const real *w = values + k;
-        real4_ node = w[0] * r0 + w[n_out] * r1;
+        real4_ node = w[0] * r0 + w[n_all] * r1;
         if (degree > 1)
-            node += w[2 * n_out] * r2;
+            node += w[2 * n_all] * r2;
         if (degree > 2)
-            node += w[3 * n_out] * r3;
+            node += w[3 * n_all] * r3;
         if (degree > 3)
-            node += w[4 * n_out] * r4;
+            node += w[4 * n_all] * r4;
         if (degree > 4)
-            node += w[5 * n_out] * r5;
+            node += w[5 * n_all] * r5;
         stream_one(node.s0, to);
         if (left > TILE)
             stream_one(node.s1, to + TILE);
@@ -75,10 +75,10 @@ inline void along_w(int degree, __global const real *source, int layer, int inne
 // memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of `source`.
 GROUP(TILE * TILE_ROWS) __kernel
 void contract_columns(__global const real *restrict source, int n_v, int n_w, int inner,
-                      __global const int *restrict span_v, __global const real *restrict values_v, int degree_v,
-                      int out_v, __global const int *restrict span_w, __global const real *restrict values_w,
+                      __global const int *restrict span, __global const real *restrict values, int degree_v, int out_v,
                       int degree_w, int out_w, int part, __global real *restrict target)
 {
+    int n_uv = inner + out_v, n_all = n_uv + out_w; // parameters; those of v are behind those of u, those of w behind them
     int item = get_global_id(0), group = get_global_id(1), n_parts = (out_w + part - 1) / part;
     int n_chunks = (inner + TILE - 1 + 4 * TILE - 1) / (4 * TILE), tile = item / TILE;
     int j = tile / (TILE_ROWS * n_chunks) * TILE_ROWS + tile % TILE_ROWS;
@@ -92,16 +92,17 @@ void contract_columns(__global const real *restrict source, int n_v, int n_w, in
         i += TILE, count = 3;
     if (i >= inner)
         return;
-    source += ((size_t)channel * n_w * n_v + span_v[j] - degree_v) * inner + i;
+    source += ((size_t)channel * n_w * n_v + span[inner + j] - degree_v) * inner + i;
     target += row + i;
     int left = min(inner - i, count * TILE);
-    values_v += j;
+    __global const real *values_v = values + inner + j;
     real8_ v = 0;
-    v.s0 = values_v[0], v.s1 = values_v[out_v], v.s2 = degree_v > 1 ? values_v[2 * out_v] : 0;
-    v.s3 = degree_v > 2 ? values_v[3 * out_v] : 0, v.s4 = degree_v > 3 ? values_v[4 * out_v] : 0;
-    v.s5 = degree_v > 4 ? values_v[5 * out_v] : 0;
+    v.s0 = values_v[0], v.s1 = values_v[n_all], v.s2 = degree_v > 1 ? values_v[2 * n_all] : 0;
+    v.s3 = degree_v > 2 ? values_v[3 * n_all] : 0, v.s4 = degree_v > 3 ? values_v[4 * n_all] : 0;
+    v.s5 = degree_v > 4 ? values_v[5 * n_all] : 0;
+    span += n_uv, values += n_uv;
 #define ALONG_W(p)                                                                                                     \
-    along_w(p, source, n_v * inner, inner, degree_v, v, span_w, values_w, out_w, k, end, target, out_v * inner, left);
+    along_w(p, source, n_v * inner, inner, degree_v, v, span, values, n_all, k, end, target, out_v * inner, left);
     switch (degree_w) {
     case 1: ALONG_W(1) break;
     case 2: ALONG_W(2) break;

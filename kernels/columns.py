@@ -45,7 +45,7 @@ def along_w(
     v: Any,
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
-    n_out: wp.int32,
+    n_all: wp.int32,
     begin: wp.int32,
     end: wp.int32,
     target: wp.array(dtype=Any),
@@ -77,15 +77,15 @@ def along_w(
             r3 = wp.where(degree == 3, total, r4)
             r4 = wp.where(degree == 4, total, r5)
             r5 = total
-        node = element(values, k) * r0 + element(values, n_out + k) * r1
+        node = element(values, k) * r0 + element(values, n_all + k) * r1
         if degree > 1:
-            node = node + element(values, 2 * n_out + k) * r2
+            node = node + element(values, 2 * n_all + k) * r2
         if degree > 2:
-            node = node + element(values, 3 * n_out + k) * r3
+            node = node + element(values, 3 * n_all + k) * r3
         if degree > 3:
-            node = node + element(values, 4 * n_out + k) * r4
+            node = node + element(values, 4 * n_all + k) * r4
         if degree > 4:
-            node = node + element(values, 5 * n_out + k) * r5
+            node = node + element(values, 5 * n_all + k) * r5
         stream(target, to, node[0])
         if left > TILE:
             stream(target, to + TILE, node[1])
@@ -102,12 +102,10 @@ def contract_columns(
     n_v: wp.int32,
     n_w: wp.int32,
     inner: wp.int32,
-    span_v: wp.array(dtype=wp.int32),
-    values_v: wp.array(dtype=Any),
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
     degree_v: wp.int32,
     out_v: wp.int32,
-    span_w: wp.array(dtype=wp.int32),
-    values_w: wp.array(dtype=Any),
     degree_w: wp.int32,
     out_w: wp.int32,
     part: wp.int32,
@@ -122,6 +120,8 @@ def contract_columns(
     ``source``.
     """
     tid_group, item = wp.tid()
+    n_uv = inner + out_v  # parameters; those of v are behind those of u, those of w behind them
+    n_all = n_uv + out_w
     group = tid_group + first
     n_parts = (out_w + part - 1) // part
     n_chunks = (inner + TILE - 1 + 4 * TILE - 1) // (4 * TILE)
@@ -141,25 +141,27 @@ def contract_columns(
     if i >= inner:
         return
     v = wp.vector(
-        element(values_v, j),
-        element(values_v, out_v + j),
-        weight(values_v, 2, degree_v, j, out_v),
-        weight(values_v, 3, degree_v, j, out_v),
-        weight(values_v, 4, degree_v, j, out_v),
-        weight(values_v, 5, degree_v, j, out_v),
+        element(values, inner + j),
+        element(values, n_all + inner + j),
+        weight(values, 2, degree_v, inner + j, n_all),
+        weight(values, 3, degree_v, inner + j, n_all),
+        weight(values, 4, degree_v, inner + j, n_all),
+        weight(values, 5, degree_v, inner + j, n_all),
     )
-    rows = (channel * n_w * n_v + element(span_v, j) - degree_v) * inner + i
+    rows = (channel * n_w * n_v + element(span, inner + j) - degree_v) * inner + i
     layer = n_v * inner
     plane = out_v * inner
     to = row + i
     left = wp.min(inner - i, count * TILE)
+    k = n_uv + k
+    end = n_uv + end
     if degree_w == 1:
-        along_w(1, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+        along_w(1, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
     if degree_w == 2:
-        along_w(2, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+        along_w(2, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
     if degree_w == 3:
-        along_w(3, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+        along_w(3, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
     if degree_w == 4:
-        along_w(4, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+        along_w(4, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
     if degree_w == 5:
-        along_w(5, source, rows, layer, inner, degree_v, v, span_w, values_w, out_w, k, end, target, to, plane, left)
+        along_w(5, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)

@@ -8,10 +8,10 @@
 
 #include "span_sum.h"
 
-// u axis: source (n_rows, n_control) -> target (n_rows, n_out); launched over (n_rows / block, n_out), each work item
-// taking `block` rows, which share their weights.
+// u axis: source (n_rows, n_control) -> target (n_rows, n_out), of n_all parameters of all directions; launched over
+// (n_rows / block, n_out), each work item taking `block` rows, which share their weights.
 __kernel void contract_rows(__global const real *source, int n_rows, int block, int n_control,
-                            __global const int *span, __global const real *values, int degree, int n_out,
+                            __global const int *span, __global const real *values, int n_all, int degree, int n_out,
                             __global real *target)
 {
     int i = get_global_id(0);
@@ -29,7 +29,7 @@ __kernel void contract_rows(__global const real *source, int n_rows, int block, 
     FOR_DEGREE(ROWS)
 }
 
-// v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner); launched over
+// v axis of a surface: source (outer, n_control, inner) -> target (outer, n_out, inner); launched over
 // (outer, n_out / block, inner), each work item taking its part of `block` planes, whose sources it finds in its cache.
 __kernel __attribute__((vec_type_hint(realv)))
 void contract(__global const real *source, int n_control, int inner, __global const int *span,
@@ -37,7 +37,8 @@ void contract(__global const real *source, int n_control, int inner, __global co
 {
     size_t outer = get_global_id(2);
     int first = get_global_id(1) * block, end = min(first + block, n_out);
-    values += first;
+    int n_all = inner + n_out;
+    span += inner, values += inner + first; // behind what is of u
     bool large = get_global_size(2) * n_out * inner * sizeof(real) > LARGE;
     for (int out = first; out < end; out++, values++) {
         __global const real *from = source + (outer * n_control + span[out] - degree) * inner;
@@ -55,27 +56,26 @@ void contract(__global const real *source, int n_control, int inner, __global co
 
 // Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.
 __kernel void evaluate_points(__global const real *control, int n_channels, int n_u, int n_v, int n_w, int degree_u,
-                              int degree_v, int degree_w, __global const int *span_u, __global const int *span_v,
-                              __global const int *span_w, __global const real *values_u, __global const real *values_v,
-                              __global const real *values_w, int n, __global real *out)
+                              int degree_v, int degree_w, __global const int *span, __global const real *values, int n,
+                              __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
         return;
     size_t channel = get_global_id(1);
-    __global const real *plane = control + channel * n_w * n_v * n_u;
+    span += i, values += i;
+    control += ((channel * n_w + span[2 * n] - degree_w) * n_v + span[n] - degree_v) * n_u + span[0] - degree_u;
     real sum = 0;
     for (int c = 0; c <= degree_w; c++) {
         real sum_v = 0;
         for (int b = 0; b <= degree_v; b++) {
-            size_t row = (size_t)(span_w[i] - degree_w + c) * n_v + span_v[i] - degree_v + b;
-            __global const real *from = plane + row * n_u + span_u[i] - degree_u;
+            __global const real *from = control + ((size_t)c * n_v + b) * n_u;
             real sum_u = 0;
             for (int a = 0; a <= degree_u; a++)
-                sum_u += values_u[(size_t)a * n + i] * from[a];
-            sum_v += values_v[(size_t)b * n + i] * sum_u;
+                sum_u += values[(size_t)3 * a * n] * from[a];
+            sum_v += values[(size_t)(3 * b + 1) * n] * sum_u;
         }
-        sum += values_w[(size_t)c * n + i] * sum_v;
+        sum += values[(size_t)(3 * c + 2) * n] * sum_v;
     }
     out[channel * n + i] = sum;
 }

@@ -20,12 +20,13 @@ def contract_rows(
     n_control: wp.int32,
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
+    n_all: wp.int32,
     degree: wp.int32,
     n_out: wp.int32,
     target: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """u axis: source (n_rows, n_control) -> target (n_rows, n_out).
+    """u axis: source (n_rows, n_control) -> target (n_rows, n_out); ``n_all`` parameters are of all directions.
 
     Launched over (n_rows / block, n_out), each work item taking ``block`` rows.
     """
@@ -35,7 +36,7 @@ def contract_rows(
         start = wp.int64(line) * wp.int64(n_control) + wp.int64(span[i] - degree)
         total = target.dtype(0.0)
         for a in range(degree + 1):
-            total = total + values[a * n_out + i] * source[start + wp.int64(a)]
+            total = total + values[a * n_all + i] * source[start + wp.int64(a)]
         target[wp.int64(line) * wp.int64(n_out) + wp.int64(i)] = total
 
 
@@ -53,7 +54,7 @@ def contract(
     first: wp.int32,
     lanes: wp.int32,
 ):
-    """v or w axis: source (outer, n_control, inner) -> target (outer, n_out, inner).
+    """v axis of a surface: source (outer, n_control, inner) -> target (outer, n_out, inner).
 
     Launched over (outer, n_out / block, inner), each work item taking its part of ``block`` planes.
     """
@@ -62,10 +63,11 @@ def contract(
     step = wp.int64(inner)
     i = wp.int64(wp.min(item * lanes, inner - lanes))
     for out in range(group * block, wp.min((group + 1) * block, n_out)):
-        start = (outer * wp.int64(n_control) + wp.int64(span[out] - degree)) * step + i
-        total = values[out] * source[start]
+        at = inner + out  # behind what is of u
+        start = (outer * wp.int64(n_control) + wp.int64(span[at] - degree)) * step + i
+        total = values[at] * source[start]
         for a in range(1, degree + 1):
-            total = total + values[a * n_out + out] * source[start + wp.int64(a) * step]
+            total = total + values[a * (inner + n_out) + at] * source[start + wp.int64(a) * step]
         target[(outer * wp.int64(n_out) + wp.int64(out)) * step + i] = total
 
 
@@ -79,12 +81,8 @@ def evaluate_points(
     degree_u: wp.int32,
     degree_v: wp.int32,
     degree_w: wp.int32,
-    span_u: wp.array(dtype=wp.int32),
-    span_v: wp.array(dtype=wp.int32),
-    span_w: wp.array(dtype=wp.int32),
-    values_u: wp.array(dtype=Any),
-    values_v: wp.array(dtype=Any),
-    values_w: wp.array(dtype=Any),
+    span: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=Any),
     n: wp.int32,
     out: wp.array(dtype=Any),
     first: wp.int32,
@@ -92,17 +90,19 @@ def evaluate_points(
     """Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes."""
     tid_channel, i = wp.tid()
     channel = tid_channel + first
+    at_u = span[i] - degree_u
+    at_v = span[n + i] - degree_v
+    at_w = span[2 * n + i] - degree_w
     total = out.dtype(0.0)
     for c in range(degree_w + 1):
         total_v = out.dtype(0.0)
         for b in range(degree_v + 1):
-            row = ((channel * n_w) + span_w[i] - degree_w + c) * n_v + span_v[i] - degree_v + b
-            start = row * n_u + span_u[i] - degree_u
+            start = (((channel * n_w) + at_w + c) * n_v + at_v + b) * n_u + at_u
             total_u = out.dtype(0.0)
             for a in range(degree_u + 1):
-                total_u = total_u + values_u[a * n + i] * control[start + a]
-            total_v = total_v + values_v[b * n + i] * total_u
-        total = total + values_w[c * n + i] * total_v
+                total_u = total_u + values[3 * a * n + i] * control[start + a]
+            total_v = total_v + values[(3 * b + 1) * n + i] * total_u
+        total = total + values[(3 * c + 2) * n + i] * total_v
     out[wp.int64(channel) * wp.int64(n) + wp.int64(i)] = total
 
 

@@ -1,6 +1,6 @@
 // Sums over the degree + 1 functions of a knot span, written out for each degree: weights stay in registers then.
 
-#define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_out] : 0)
+#define WEIGHT(a) (a <= degree ? values[(size_t)min(a, degree) * n_all] : 0)
 #define SUM_1(w, term) (w##0 * term(0) + w##1 * term(1))
 #define SUM_2(w, term) (SUM_1(w, term) + w##2 * term(2))
 #define SUM_3(w, term) (SUM_2(w, term) + w##3 * term(3))

@@ -6,6 +6,6 @@ import warp as wp
 
 
 @wp.func
-def weight(values: wp.array(dtype=Any), a: wp.int32, degree: wp.int32, at: wp.int32, n_out: wp.int32):
-    """Value of function a of a span, 0 for those that a lower degree has not."""
-    return wp.where(a <= degree, values[wp.min(a, degree) * n_out + at], values.dtype(0.0))
+def weight(values: wp.array(dtype=Any), a: wp.int32, degree: wp.int32, at: wp.int32, n_all: wp.int32):
+    """Value of function a of a span, 0 for those that a lower degree has not, at one of n_all parameters."""
+    return wp.where(a <= degree, values[wp.min(a, degree) * n_all + at], values.dtype(0.0))

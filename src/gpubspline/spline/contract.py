@@ -1,14 +1,14 @@
 """The sums of a patch on a device: a direction at a time on a grid, all of them at scattered points."""
 
+from collections.abc import Sequence
+from itertools import chain
 from math import gcd, prod
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer, Device
-
-Basis = tuple[Buffer, Buffer, int]
-"""Span (N,) and values (degree + 1, N) of one direction, and N."""
 
 ROW_BLOCK = 8  # rows of control points that share their weights in a work item
 PLANE_BLOCK = 8  # planes of nodes that share their control planes in a work item
@@ -25,20 +25,31 @@ TILE_ROWS = 8
 TILE_PLACES = 4
 
 
-def basis(
-    device: Device, knots: NDArray[np.float64], degree: int, parameters: NDArray[np.float64], order: int
-) -> Basis:
-    """Basis functions, or their derivatives of an order, at the parameters of one direction."""
-    count = len(parameters)
-    span, values = device.empty(count, np.int32), device.empty((degree + 1, count))
-    n_control = len(knots) - degree - 1
-    arguments = (device.put(knots), degree, n_control, device.put(parameters), count, order, span, values)
-    device.launch("basis.basis_functions", count, *arguments)
-    return span, values, count
+class Direction(NamedTuple):
+    """Knots of one direction of a patch, and the parameters where its basis, or a derivative of an order, is wanted."""
+
+    knots: NDArray[np.float64]
+    degree: int
+    parameters: NDArray[np.float64]
+    order: int = 0
+
+
+NO_DIRECTION = Direction(np.array([0.0, 1.0]), 0, np.empty(0))
+
+
+def _bases(device: Device, directions: Sequence[Direction]) -> tuple[Buffer, Buffer]:
+    """Spans (N,) and values (degree + 1, N) of the N parameters of all directions, one after another."""
+    three = (*directions, NO_DIRECTION)[:3]
+    each = [(way.degree, len(way.knots) - way.degree - 1, len(way.parameters), way.order) for way in three]
+    given = np.concatenate([*(way.knots for way in three), *(way.parameters for way in three)])
+    count = sum(len(way.parameters) for way in three)
+    span, values = device.empty(count, np.int32), device.empty((max(way.degree for way in three) + 1, count))
+    device.launch("basis.basis_functions", count, device.put(given), *chain(*each), span, values)
+    return span, values
 
 
 def contract_grid(
-    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction]
 ) -> tuple[Buffer, int]:
     """Evaluate a grid one direction at a time, u first; the last pass writes each node once.
 
@@ -46,48 +57,60 @@ def contract_grid(
     ---------
     control: (K, [n_w,] n_v, n_u) planes on the device.
     shape: (n_u, n_v[, n_w], K).
+    directions: u, v and, of a solid, w.
 
     Returns
     -------
     Buffer (K, N) of planes, and N. The same numbers come from all devices, in one launch or in three.
     """
-    if len(bases) == 3 and device.cores:
-        return _contract_solid(device, control, shape, degrees, bases)
-    (span, values, inner), degree = bases[0], degrees[0]
-    rows = prod(shape[1:])
+    span, values = _bases(device, directions)
+    counts, degrees = [len(way.parameters) for way in directions], [way.degree for way in directions]
+    if len(directions) == 3 and device.cores:
+        return _contract_solid(device, control, shape, span, values, degrees, counts)
+    inner, rows = counts[0], prod(shape[1:])
     source = device.empty(rows * inner + (TILE_PLACES - 1) * TILE)  # columns read past the last row
-    rows_of = (control, rows, ROW_BLOCK, shape[0], span, values, degree, inner, source)
+    rows_of = (control, rows, ROW_BLOCK, shape[0], span, values, sum(counts), degrees[0], inner, source)
     device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
-    if len(bases) == 3:
-        return _contract_columns(device, source, shape, degrees, bases)
-    span, values, count = bases[1]
-    target = device.empty((shape[2], count * inner))
+    if len(directions) == 3:
+        return _contract_columns(device, source, shape, span, values, degrees, counts)
+    n_channels, count = shape[2], counts[1]
+    target = device.empty((n_channels, count * inner))
     arguments = (source, shape[1], inner, span, values, degrees[1], count, PLANE_BLOCK, target)
-    device.launch("patch.contract", (shape[2], -(-count // PLANE_BLOCK), inner), *arguments)
+    device.launch("patch.contract", (n_channels, -(-count // PLANE_BLOCK), inner), *arguments)
     return target, count * inner
 
 
 def _contract_columns(
-    device: Device, source: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+    device: Device,
+    source: Buffer,
+    shape: tuple[int, ...],
+    span: Buffer,
+    values: Buffer,
+    degrees: list[int],
+    counts: list[int],
 ) -> tuple[Buffer, int]:
     """The second and third direction at once on a GPU, so that what is between them is never written."""
-    (_, n_v, n_w, n_channels), (inner, out_v, out_w) = shape, [count for _, _, count in bases]
+    (_, n_v, n_w, n_channels), (inner, out_v, out_w), (_, degree_v, degree_w) = shape, counts, degrees
     count = out_w * out_v * inner
     target, planes = device.empty((n_channels, count)), COLUMN_PLANES[count >= LARGE_GRID]
     chunks = -(-(inner + TILE - 1) // (TILE_PLACES * TILE))
     items = (n_channels * -(-out_w // planes), -(-out_v // TILE_ROWS) * chunks * TILE_ROWS * TILE)
-    each = [
-        value for basis, degree in zip(bases[1:], degrees[1:], strict=True) for value in (*basis[:2], degree, basis[2])
-    ]
-    device.launch("columns.contract_columns", items, source, n_v, n_w, inner, *each, planes, target)
+    arguments = (source, n_v, n_w, inner, span, values, degree_v, out_v, degree_w, out_w, planes, target)
+    device.launch("columns.contract_columns", items, *arguments)
     return target, count
 
 
 def _contract_solid(
-    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+    device: Device,
+    control: Buffer,
+    shape: tuple[int, ...],
+    span: Buffer,
+    values: Buffer,
+    degrees: list[int],
+    counts: list[int],
 ) -> tuple[Buffer, int]:
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
-    (n_u, n_v, n_w, n_channels), counts = shape, [count for _, _, count in bases]
+    n_u, n_v, n_w, n_channels = shape
     row_bytes, n_planes = counts[0] * device.real.itemsize, degrees[2] + 1
     spared_bytes = (n_planes + SPARE_PLANES) * SPARE_ROWS * row_bytes
     if degrees[2] >= SPARE_DEGREE and spared_bytes <= RING_BYTES:
@@ -104,7 +127,7 @@ def _contract_solid(
     item_size = packed + rows + n_planes * (band * counts[0] + 2 * MOST_LANES)
     item_size = -(-item_size // MOST_LANES) * MOST_LANES
     scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
-    each = [value for basis, degree in zip(bases, degrees, strict=True) for value in (*basis[:2], degree, basis[2])]
+    each = (span, values, *chain(*zip(degrees, counts, strict=True)))
     arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, n_planes, item_size, scratch, scratch, target)
     device.launch("bands.contract_solid", (items, 1, counts[0]), *arguments)
     return target, prod(counts)
@@ -116,18 +139,18 @@ def _evenly(total: int, most: int) -> int:
 
 
 def contract_points(
-    device: Device, control: Buffer, shape: tuple[int, ...], degrees: tuple[int, ...], bases: list[Basis]
+    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction]
 ) -> tuple[Buffer, int]:
     """Evaluate scattered points; arguments and result as of ``contract_grid``.
 
     A surface is a solid of one layer and degree 0 in w.
     """
-    count = bases[0][2]
-    if len(bases) == 2:
-        ones = device.put(np.ones(count)), device.put(np.zeros(count, np.int32))
-        bases, shape, degrees = [*bases, (ones[1], ones[0], count)], (*shape[:2], 1, shape[2]), (*degrees, 0)
+    count = len(directions[0].parameters)
+    if len(directions) == 2:
+        directions = (*directions, NO_DIRECTION._replace(parameters=np.zeros(count)))
+        shape = (*shape[:2], 1, shape[2])
+    span, values = _bases(device, directions)
     target = device.empty((shape[3], count))
-    spans, values = [basis[0] for basis in bases], [basis[1] for basis in bases]
-    arguments = (control, shape[3], *shape[:3], *degrees, *spans, *values, count, target)
+    arguments = (control, shape[3], *shape[:3], *(way.degree for way in directions), span, values, count, target)
     device.launch("patch.evaluate_points", (shape[3], count), *arguments)
     return target, count

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
-from gpubspline.spline.contract import basis, contract_grid, contract_points
+from gpubspline.spline.contract import Direction, contract_grid, contract_points
 from gpubspline.spline.knots import MAX_DEGREE, check_knots, clamped_uniform, inserted
 
 Floats = NDArray[np.float64]
@@ -163,13 +163,9 @@ class Hyperpatch:
         """Buffer (K, N) of the homogeneous components on the device, and N."""
         control = self._homogeneous()
         buffer = device.put(np.asfortranarray(control).T)  # planes, u fastest
-        bases = [
-            basis(device, knots, degree, axis, n)
-            for knots, degree, axis, n in zip(self.knots, self.degrees, axes, order, strict=True)
-        ]
-        if grid:
-            return contract_grid(device, buffer, control.shape, self.degrees, bases)
-        return contract_points(device, buffer, control.shape, self.degrees, bases)
+        each = zip(self.knots, self.degrees, axes, order, strict=True)
+        contract = contract_grid if grid else contract_points
+        return contract(device, buffer, control.shape, [Direction(*way) for way in each])
 
 
 def hyperpatch(
