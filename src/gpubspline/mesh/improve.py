@@ -200,10 +200,10 @@ def mend(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort) ->
     return best
 
 
-def as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
-    """Hexes whose edges should be as long as they are at x (3, n), no longer than they should, or ``THIN`` of that."""
+def as_long_as_now(hexes: Movable, x: Buffer, part: float = THIN) -> Movable:
+    """Hexes whose edges should be as long as they are at x (3, n), no longer than they should, or a part of that."""
     points, targets = np.array(hexes.device.get(x)).reshape(3, -1).T.astype(np.float64), target_lengths(hexes)
-    lengths = 2 * np.log(np.clip(edge_lengths(points, hexes.cells).mean(axis=2), THIN * targets, targets))
+    lengths = 2 * np.log(np.clip(edge_lengths(points, hexes.cells).mean(axis=2), part * targets, targets))
     start, slots = node_slots(hexes.cells, hexes.n_nodes)
     scale = hexes.device.put(np.tile(node_sizes(lengths, start, slots), 3))
     return replace(hexes, log_lengths=hexes.device.put(lengths), scale=scale)

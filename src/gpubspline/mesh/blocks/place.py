@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Buffer, Device
+from gpubspline.device import Device
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.labelled import Held, Interfaces, level_volumes, straightened
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, bulged, volume_inside
@@ -14,9 +14,8 @@ from gpubspline.mesh.blocks.pillow import Pillowed
 from gpubspline.mesh.blocks.reach import CoreDistance, within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
-from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, copy, lift, settle
-from gpubspline.mesh.movable import Movable, movable, node_sizes, node_slots, put_level
-from gpubspline.mesh.neighbourhood import edge_lengths
+from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, as_long_as_now, copy, lift, settle
+from gpubspline.mesh.movable import Movable, movable, put_level
 
 FEW = 0.004
 """Share of the volume that faces may cut off."""
@@ -35,7 +34,9 @@ STEPS = 20
 """Most steps of descent of all hexes where they are placed again, near to where they were."""
 
 LEAST_LENGTH = 0.3
-"""Shortest, in elements, that edges of bodies that touch are asked to be."""
+"""Shortest, in elements, that edges of bodies that touch are asked to be; longer ones are to stay as long as they start:
+thin bodies have three hexes across an element, which would push the surface out if they were to be as long as others.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ def place_nodes(holding: Holding, level: LevelSet, effort: Effort | None, *, bul
     colours, slack, several = holding.hexes.colours, holding.held.slack, bool(holding.interfaces)
     x, effort = start(holding.hexes, hexes), effort or Effort()
     if several:
-        hexes, effort = _as_long_as_now(hexes, x), replace(effort, **ANY_LENGTH)
+        hexes, effort = as_long_as_now(hexes, x, LEAST_LENGTH), replace(effort, **ANY_LENGTH)
     first = PlacedOn(hexes, settle(hexes, x, slack, effort), reached)
     if several:
         first = _lifted(first, colours, effort)
@@ -125,15 +126,3 @@ def _lifted(settled: PlacedOn, colours: NDArray[Any], effort: Effort) -> PlacedO
     """Raise the floor, then draw out short edges."""
     hexes, nodes = lift(settled.hexes, colours, settled.nodes, effort)
     return replace(settled, hexes=hexes, nodes=even_out(hexes, nodes))
-
-
-def _as_long_as_now(hexes: Movable, x: Buffer) -> Movable:
-    """Hexes whose edges should be as long as they are at x (3, n), or ``LEAST_LENGTH``.
-
-    Thin bodies have three hexes across an element: asked to be as long as others, they would push the surface out.
-    """
-    points = np.array(hexes.device.get(x)).reshape(3, -1).T.astype(np.float64)
-    lengths = 2 * np.log(np.clip(edge_lengths(points, hexes.cells).mean(axis=2), LEAST_LENGTH, 1.0))
-    start, slots = node_slots(hexes.cells, hexes.n_nodes)
-    scale = hexes.device.put(np.tile(node_sizes(lengths, start, slots), 3))
-    return replace(hexes, log_lengths=hexes.device.put(lengths), scale=scale)
