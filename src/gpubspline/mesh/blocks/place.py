@@ -34,7 +34,7 @@ STEPS = 20
 """Most steps of descent of all hexes where they are placed again, near to where they were."""
 
 LEAST_LENGTH = 0.3
-"""Shortest, in elements, that edges of bodies that touch are asked to be; longer ones are to stay as long as they start:
+"""Shortest, in elements, that edges of bodies that touch are asked to be; longer ones are to stay as they start:
 thin bodies have three hexes across an element, which would push the surface out if they were to be as long as others.
 """
 
