@@ -116,37 +116,39 @@ class Hyperpatch:
                 f"expected parameters and derivatives in {self.parametric_dimension} directions, got {count}"
             )
 
-    def _homogeneous(self) -> Floats:
-        """Control points, or with weights the weighted ones followed by the weight."""
+    def _homogeneous(self, middle: Floats | float = 0.0) -> Floats:
+        """Control points seen from a middle, or with weights the weighted ones followed by the weight."""
         if self.weights is None:
-            return self.control
+            return self.control - middle
         weights = self.weights[..., None]
-        return np.concatenate([self.control * weights, weights], axis=-1)
+        return np.concatenate([(self.control - middle) * weights, weights], axis=-1)
 
     def _evaluate(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> Reals:
         """(3 + C, N) planes of the patch, or of one partial derivative.
 
         Places are worked out from the middle of the patch: float32 has digits to spare there, not at the scanner's.
         """
-        if any(order):
-            return self._derivative(axes, device, order, grid)
         middle = np.zeros(self.control.shape[-1])
-        middle[:3] = np.round(self.control[..., :3].mean(axis=tuple(range(self.parametric_dimension))))  # exact floats
-        planes = replace(self, control=self.control - middle)._derivative(axes, device, order, grid)
-        planes[:3] += middle[:3, None].astype(planes.dtype)
+        if not any(order):  # else it falls out
+            middle[:3] = np.round(self.control[..., :3].mean(axis=tuple(range(self.parametric_dimension))))
+        planes = self._derivative(axes, device, order, grid, middle)
+        if middle.any():
+            planes[:3] += middle[:3, None].astype(planes.dtype)  # whole numbers: exact
         return planes
 
-    def _derivative(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> Reals:
+    def _derivative(
+        self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool, middle: Floats
+    ) -> Reals:
         """(3 + C, N) planes of one partial derivative; of a NURBS by the quotient rule in each direction."""
         if self.weights is None:
-            return device.get(self._planes(axes, device, order, grid)[0])
+            return device.get(self._planes(axes, device, order, grid, middle)[0])
         if not any(order):
-            planes, count = self._planes(axes, device, order, grid)
+            planes, count = self._planes(axes, device, order, grid, middle)
             n_channels = self.control.shape[-1]
             device.launch("patch.divide_by_weight", count, planes, n_channels, count)
             return device.get(planes)[:-1]
         lower = list(product(*(range(n + 1) for n in order)))
-        whole = {index: device.get(self._planes(axes, device, index, grid)[0]) for index in lower}
+        whole = {index: device.get(self._planes(axes, device, index, grid, middle)[0]) for index in lower}
         value: dict[tuple[int, ...], Reals] = {}
         weight = whole[(0,) * len(order)][-1]
         for index in lower:  # Piegl and Tiller, eq. 4.20, carried to any number of directions
@@ -159,9 +161,11 @@ class Hyperpatch:
             value[index] = total / weight
         return value[order]
 
-    def _planes(self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool) -> tuple[Buffer, int]:
+    def _planes(
+        self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool, middle: Floats
+    ) -> tuple[Buffer, int]:
         """Buffer (K, N) of the homogeneous components on the device, and N."""
-        control = self._homogeneous()
+        control = self._homogeneous(middle)
         buffer = device.put(np.asfortranarray(control).T)  # planes, u fastest
         each = zip(self.knots, self.degrees, axes, order, strict=True)
         contract = contract_grid if grid else contract_points
