@@ -141,6 +141,21 @@ def test_a_thin_plate_keeps_its_thickness(device: Device) -> None:
     assert (high - low) / SAMPLES == pytest.approx(2.5, abs=0.02)
 
 
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
+def test_faces_of_a_rod_are_measured_while_they_cut_off_much(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two elements thick: what one round leaves another brings in."""
+    line = np.zeros((2401, 3))
+    line[:, 2] = np.linspace(-12, 12, len(line))
+    region = sampled(lambda points: rod(points, line, 3.0), (8, 8, 18), 1.0)
+
+    def off() -> float:
+        return abs(blocks_mesh(region, 3.0, attempts=1, device=device).mesh.volume_mm3 / region.volume_mm3 - 1)
+
+    most = off()
+    monkeypatch.setattr("gpubspline.mesh.blocks.place.ROUNDS", 1)
+    assert most < 0.01 < off()
+
+
 def test_chords_of_flat_faces_are_their_distance() -> None:
     """A unit cube within a plane level 0.1 farther out on one side: all that is missing lies there."""
     corners = np.array([[i, j, k] for k in (0, 1) for j in (0, 1) for i in (0, 1)], dtype=float) + 3
