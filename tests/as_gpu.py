@@ -1,8 +1,8 @@
 """Both backends driven as a GPU is, on the CPU: ``PYTHONPATH=tests python -m pytest -p as_gpu -k "device" ...``.
 
-A plug-in of pytest. Kernels run without lanes or padding and by the code for GPUs; OpenCL's in groups with idle work items,
-their buffers copied instead of mapped. Behind each buffer of OpenCL lies a guard: what a kernel writes there is found after
-its launch. Warp's kernels are checked so by the plug-in ``bounds``.
+A plug-in of pytest. Kernels run without lanes or padding and by the code for GPUs; OpenCL's in groups with idle work
+items, their buffers copied instead of mapped. Behind each buffer of OpenCL lies a guard: what a kernel writes there is
+found after its launch. Warp's kernels are checked so by the plug-in ``bounds``.
 """
 
 from dataclasses import replace

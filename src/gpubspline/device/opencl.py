@@ -162,11 +162,10 @@ class OpenCLDevice:
         """Build the program of a kernel, once, with all kernels that are in it."""
         prefix, (module, _) = kernel.rpartition(".")[0], find_kernel(kernel)
         package, _, file = module.rpartition(".")
-        text = _source(file, package=package)
+        text = source(file, package=package)
         lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
         self.on_build(kernel)
-        whole = _source("lanes", "h") + INCLUDE.sub(lambda found: _source(found[1], "h"), text)
-        program = self._opencl.Program(self._context, whole).build(options=self._options(lanes))
+        program = self._opencl.Program(self._context, with_headers(text)).build(options=self._options(lanes))
         self.on_build("")
         for hint, name, arguments in SIGNATURE.findall(text):
             function = self._opencl.Kernel(program, name)
@@ -196,8 +195,14 @@ class OpenCLDevice:
 
 
 @cache
-def _source(file: str, ending: str = "cl", package: str = KERNELS) -> str:
+def source(file: str, ending: str = "cl", package: str = KERNELS) -> str:
+    """Text of a file of kernels."""
     return (resources.files(package) / f"{file}.{ending}").read_text()
+
+
+def with_headers(text: str) -> str:
+    """Put what all kernels have, and what they include, into their text, which compilers get without a file."""
+    return source("lanes", "h") + INCLUDE.sub(lambda found: source(found[1], "h"), text)
 
 
 def _devices() -> list[tuple[str, Any]]:
