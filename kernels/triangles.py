@@ -71,15 +71,27 @@ def outermost(a: wp.int32, b: wp.int32, c: wp.int32):
     return wp.max(wp.abs(a), wp.max(wp.abs(b), wp.abs(c)))
 
 
+@wp.func
+def is_beyond(px: Any, py: Any, pz: Any, t: wp.int32, m: wp.int32, balls: wp.array(dtype=Any), best: Any):
+    """Whether the ball round triangle t is farther from p than the square root of best."""
+    dx = px - balls[t]
+    dy = py - balls[m + t]
+    dz = pz - balls[2 * m + t]
+    away = wp.sqrt(best) + balls[3 * m + t]
+    return dx * dx + dy * dy + dz * dz > away * away
+
+
 @wp.kernel(enable_backward=False, module="unique")
 def nearest(
     x: wp.array(dtype=Any),
     y: wp.array(dtype=Any),
     z: wp.array(dtype=Any),
     corners: wp.array(dtype=Any),
-    n_triangles: wp.int32,
+    balls: wp.array(dtype=Any),
+    n_listed: wp.int32,
     start: wp.array(dtype=wp.int32),
     listed: wp.array(dtype=wp.int32),
+    known: wp.array(dtype=wp.int32),
     n_i: wp.int32,
     n_j: wp.int32,
     n_k: wp.int32,
@@ -95,9 +107,10 @@ def nearest(
 ):
     """Distance from the nearest triangle and its number; -1 and -1 where none is listed within ``rings`` bins.
 
-    corners: (9, n_triangles) planes, x, y, z of each triangle's three. start (n_i n_j n_k + 1): where a bin's triangles
-    begin in ``listed``; bins are cubes of edge ``size`` from (x0, y0, z0) on, i fastest. Exact where it is no more than
-    rings times size.
+    Bins are cubes of edge ``size`` from (x0, y0, z0) on, i fastest; the triangles that pass through one are listed
+    together, from start (n_i n_j n_k + 1) on: corners (9, n_listed) planes, x, y, z of each triangle's three; balls (4,
+    n_listed), centre and radius, a little larger than the triangle; its number, ``listed``. known (n_i n_j n_k): where
+    one is listed that counts for all points of a bin, or -1. Exact where it is no more than rings times size.
     """
     p = wp.tid() + first
     px = x[p]
@@ -106,8 +119,10 @@ def nearest(
     i = wp.clamp(wp.int32(wp.floor((px - x0) / size)), 0, n_i - 1)
     j = wp.clamp(wp.int32(wp.floor((py - y0) / size)), 0, n_j - 1)
     k = wp.clamp(wp.int32(wp.floor((pz - z0) / size)), 0, n_k - 1)
+    chosen = known[(k * n_j + j) * n_i + i]
     best = type(px)(-1.0)
-    chosen = wp.int32(-1)
+    if chosen >= 0:
+        best = triangle_squared(px, py, pz, chosen, n_listed, corners)
     ring = wp.int32(0)
     going = wp.int32(1)
     while going == 1:
@@ -117,30 +132,16 @@ def nearest(
                     if outermost(a - i, b - j, c - k) == ring:
                         bin = (c * n_j + b) * n_i + a
                         for s in range(start[bin], start[bin + 1]):
-                            squared = triangle_squared(px, py, pz, listed[s], n_triangles, corners)
-                            if chosen < 0 or squared < best:
-                                best = squared
-                                chosen = listed[s]
+                            if chosen < 0 or not is_beyond(px, py, pz, s, n_listed, balls, best):
+                                squared = triangle_squared(px, py, pz, s, n_listed, corners)
+                                if chosen < 0 or squared < best:
+                                    best = squared
+                                    chosen = s
         reach = type(px)(ring) * size
         ring = ring + 1
         if ring > rings or (chosen >= 0 and best <= reach * reach):
             going = 0
     distance[p] = wp.where(chosen >= 0, wp.sqrt(wp.max(best, type(px)(0.0))), type(px)(-1.0))
-    triangle[p] = chosen
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def given(
-    x: wp.array(dtype=Any),
-    y: wp.array(dtype=Any),
-    z: wp.array(dtype=Any),
-    corners: wp.array(dtype=Any),
-    n_triangles: wp.int32,
-    triangle: wp.array(dtype=wp.int32),
-    n_points: wp.int32,
-    distance: wp.array(dtype=Any),
-    first: wp.int32,
-):
-    """Distance of each point from the triangle given for it."""
-    p = wp.tid() + first
-    distance[p] = wp.sqrt(triangle_squared(x[p], y[p], z[p], triangle[p], n_triangles, corners))
+    triangle[p] = -1
+    if chosen >= 0:
+        triangle[p] = listed[chosen]

@@ -1,5 +1,6 @@
 """The OpenCL backend: GPUs, and CPUs through PoCL."""
 
+import math
 import re
 import weakref
 from collections.abc import Callable
@@ -36,18 +37,19 @@ def _import_opencl() -> Any:
     return pyopencl
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class OpenCLBuffer:
-    """Device memory with the shape and type it was made with."""
+    """Device memory with the shape and type it was made with, and as the host of a CPU sees it once it has asked."""
 
     memory: Any
     shape: tuple[int, ...]
     dtype: "np.dtype[Any]"
+    mapped: NDArray[Any] | None = None
 
     @property
     def size(self) -> int:
         """Elements, padding left out."""
-        return int(np.prod(self.shape, dtype=np.int64))
+        return math.prod(self.shape)
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class OpenCLDevice:
         values = np.asarray(array)
         buffer = self.empty(values.size, buffer_type(values, self.real))
         if self._is_cpu:
-            self._map(buffer, self._opencl.map_flags.WRITE).reshape(values.shape)[...] = values
+            self._map(buffer).reshape(values.shape)[...] = values
         elif values.size:
             self._enqueue(self._opencl.enqueue_copy, buffer.memory, np.ascontiguousarray(values, dtype=buffer.dtype))
         return buffer
@@ -102,7 +104,7 @@ class OpenCLDevice:
         """Reserve a buffer, padded by the lanes that a kernel may read past its end."""
         shape = (shape,) if isinstance(shape, int) else tuple(int(n) for n in shape)
         kind = np.dtype(self.real if dtype is None else dtype)
-        padded = int(np.prod(shape, dtype=np.int64)) + self._wide_lanes
+        padded = math.prod(shape) + self._wide_lanes
         flags = self._opencl.mem_flags.READ_WRITE
         if self._is_cpu:
             flags |= self._opencl.mem_flags.ALLOC_HOST_PTR
@@ -112,14 +114,14 @@ class OpenCLDevice:
             raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes: {error}") from None
         buffer = OpenCLBuffer(memory, shape, kind)
         if self._is_cpu and padded * kind.itemsize >= LARGE_BYTES:
-            ask_for_large_pages(self._map(buffer, self._opencl.map_flags.READ).ctypes.data, padded * kind.itemsize)
+            ask_for_large_pages(self._map(buffer).ctypes.data, padded * kind.itemsize)
         return buffer
 
     def get(self, buffer: OpenCLBuffer) -> NDArray[Any]:
         """Download; on a CPU the array is the buffer's own memory."""
         self.wait()
         if self._is_cpu:
-            return self._map(buffer, self._opencl.map_flags.READ).reshape(buffer.shape)
+            return self._map(buffer).reshape(buffer.shape)
         values = np.empty(buffer.shape, buffer.dtype)
         if values.size:
             self._enqueue(self._opencl.enqueue_copy, values, buffer.memory)
@@ -130,11 +132,15 @@ class OpenCLDevice:
         count = source.size * source.dtype.itemsize
         self._enqueue(partial(self._opencl.enqueue_copy, byte_count=count), target.memory, source.memory)
 
-    def _map(self, buffer: OpenCLBuffer, flags: int) -> NDArray[Any]:
+    def _map(self, buffer: OpenCLBuffer) -> NDArray[Any]:
+        """Map a buffer for as long as it lives: each time anew takes as long as a kernel."""
         if not buffer.size:
             return np.empty(0, buffer.dtype)
-        array, _ = self._opencl.enqueue_map_buffer(self._queue, buffer.memory, flags, 0, (buffer.size,), buffer.dtype)
-        return np.asarray(array)
+        if buffer.mapped is None:
+            flags, span = self._opencl.map_flags, (0, (buffer.size,), buffer.dtype)
+            both = flags.READ | flags.WRITE
+            buffer.mapped = self._opencl.enqueue_map_buffer(self._queue, buffer.memory, both, *span)[0]
+        return np.asarray(buffer.mapped)
 
     def launch(self, kernel: str, dim: int | tuple[int, ...], *args: Any) -> None:
         """Run a kernel; OpenCL counts dimensions from the fastest."""

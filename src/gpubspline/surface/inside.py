@@ -36,9 +36,8 @@ def winding_numbers(surface: Surface, affine: Floats, shape: tuple[int, int, int
     steps = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int16)
     for row, at, sign in _crossings(index, triangles, shape):
         first = np.clip(np.ceil(at), 0, shape[2]).astype(np.int64)  # the first sample beyond the crossing
-        number = row * (shape[2] + 1) + first
-        steps += np.bincount(number, sign, minlength=steps.size).astype(np.int16).reshape(steps.shape)
-    return np.cumsum(steps[..., :-1], axis=2, dtype=np.int16)
+        np.add.at(steps.reshape(-1), row * (shape[2] + 1) + first, sign.astype(np.int16))
+    return np.cumsum(steps, axis=2, out=steps)[..., :-1]
 
 
 def doubtful_share(surface: Surface) -> float:

@@ -12,6 +12,9 @@ from gpubspline.surface.surface import Floats, Surface
 
 ANY_RING = 1 << 20
 
+ROUNDING = 1e-5
+"""Of the surface's extent, by which the ball round a triangle is larger."""
+
 
 @dataclass(frozen=True, eq=False)
 class Finder:
@@ -20,15 +23,18 @@ class Finder:
     Attributes
     ----------
     middle: (3,) mm, subtracted from all coordinates, so that float32 keeps its digits.
+    corners, balls: (9, n), (4, n), of triangles as the bins list them.
+    known: (n_i n_j n_k), where one is listed that counts for all points of a bin, or -1.
     """
 
     device: Device
     middle: Floats
     bins: Bins
-    n_triangles: int
     corners: Buffer
+    balls: Buffer
     start: Buffer
     listed: Buffer
+    known: Buffer
 
     def nearest(self, points: Floats, reach_mm: float | None = None) -> tuple[NDArray[Any], NDArray[np.int32]]:
         """Distance (n,), mm, of points (n, 3) from the surface, and the number (n,) of the nearest triangle.
@@ -39,13 +45,15 @@ class Finder:
         rings = min(rings, max(self.bins.shape))
         distance, triangle = self.device.empty(len(points)), self.device.empty(len(points), np.int32)
         origin = (float(x) for x in self.bins.origin - self.middle)
-        grid = (self.start, self.listed, *self.bins.shape, *origin, float(self.bins.size))
+        lists = (self.start, self.listed, self.known)
+        grid = (*lists, *self.bins.shape, *origin, float(self.bins.size))
         self.device.launch(
             "triangles.nearest",
             len(points),
             *self._planes(points),
             self.corners,
-            self.n_triangles,
+            self.balls,
+            len(self.bins.listed),
             *grid,
             rings,
             len(points),
@@ -54,26 +62,33 @@ class Finder:
         )
         return np.asarray(self.device.get(distance)), np.asarray(self.device.get(triangle))
 
-    def given(self, points: Floats, triangle: NDArray[np.int32]) -> NDArray[Any]:
-        """Distance (n,), mm, of points (n, 3) from one triangle each."""
-        distance = self.device.empty(len(points))
-        number = self.device.put(triangle)
-        planes = self._planes(points)
-        self.device.launch(
-            "triangles.given", len(points), *planes, self.corners, self.n_triangles, number, len(points), distance
-        )
-        return np.asarray(self.device.get(distance))
-
     def _planes(self, points: Floats) -> list[Buffer]:
         return [self.device.put(plane) for plane in np.ascontiguousarray((points - self.middle).T)]
 
 
-def finder(surface: Surface, device: Device, bin_mm: float | None = None) -> Finder:
-    """Bring a surface to a device; ``bin_mm`` is the edge of the bins that are searched in turn."""
-    bins = bin_triangles(surface, bin_mm)
+def finder(
+    surface: Surface, device: Device, bins: Bins | None = None, known: NDArray[np.int32] | None = None
+) -> Finder:
+    """Bring a surface to a device.
+
+    Arguments
+    ---------
+    bins: that are searched in turn; chosen for some triangles a bin where they are not given.
+    known: (n_i n_j n_k), for each bin where a triangle is listed that counts for its points wherever it is, so that
+        something is always found, and others are left out sooner.
+    """
+    bins = bin_triangles(surface) if bins is None else bins
     low, high = surface.box
     middle = (low + high) / 2
-    corners = device.put(np.ascontiguousarray((surface.corners - middle).reshape(-1, 9).T))
-    return Finder(
-        device, middle, bins, len(surface.triangles), corners, device.put(bins.start), device.put(bins.listed)
-    )
+    corners = surface.corners[bins.listed] - middle
+    known = np.full(len(bins.start) - 1, -1, np.int32) if known is None else known
+    lists = (device.put(array) for array in (bins.start, bins.listed, known))
+    planes = (device.put(np.ascontiguousarray(array.T)) for array in (corners.reshape(-1, 9), _balls(corners)))
+    return Finder(device, middle, bins, *planes, *lists)
+
+
+def _balls(corners: Floats) -> Floats:
+    """Centres and radii (n, 4) of balls round triangles (n, 3, 3), larger by more than float32 rounds."""
+    centres = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    return np.column_stack([centres, radii + ROUNDING * (radii + np.abs(corners).max(initial=0.0))])

@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.surface.bins import Bins, bin_triangles
 from gpubspline.surface.inside import winding_numbers
-from gpubspline.surface.nearest import Finder, finder
+from gpubspline.surface.nearest import finder
 from gpubspline.surface.surface import Floats, Surface, spelled
 
 MARGIN = 6
@@ -82,13 +83,13 @@ def _own_grid(surface: Surface, spacing_mm: float | None) -> tuple[Floats, tuple
 
 def _signed(surface: Surface, mask: NDArray[np.bool_], affine: Floats, device: Device) -> NDArray[np.float32]:
     spacing = float(np.linalg.norm(affine[:3, :3], axis=0).max())
-    found = finder(surface, device, BAND * spacing)
-    fallback = _fallback_triangles(found, surface)
+    bins = bin_triangles(surface, BAND * spacing)
+    found = finder(surface, device, bins, _near_centres(bins, surface))
     result = np.empty(mask.shape, dtype=np.float32)
     slices = max(1, _CHUNK // (mask.shape[1] * mask.shape[2]))
     for first in range(0, len(mask), slices):
         part = slice(first, min(first + slices, len(mask)))
-        distance = _unsigned(_centres(affine, mask.shape, part), found, fallback, BAND * spacing)
+        distance, _ = found.nearest(_centres(affine, mask.shape, part), BAND * spacing)
         distance = np.maximum(distance, _LEAST_SHARE * spacing).reshape(mask[part].shape)
         result[part] = np.where(mask[part], -distance, distance)
     return result
@@ -103,24 +104,14 @@ def _centres(affine: Floats, shape: tuple[int, ...], part: slice) -> Floats:
     return np.asarray((columns + row).reshape(-1, 3))
 
 
-def _unsigned(points: Floats, found: Finder, fallback: NDArray[np.int32], band_mm: float) -> NDArray[Any]:
-    distance = np.array(found.nearest(points, band_mm)[0])
-    far = np.flatnonzero((distance < 0) | (distance > band_mm))
-    bins = found.bins.index_of(points[far])
-    bound = found.given(points[far], fallback[bins[:, 2], bins[:, 1], bins[:, 0]])
-    distance[far] = np.where(distance[far] < 0, bound, np.minimum(distance[far], bound))
-    return distance
-
-
-def _fallback_triangles(found: Finder, surface: Surface) -> NDArray[np.int32]:
-    """(n_k, n_j, n_i) a triangle near the centre of each bin, for points that are near none."""
-    bins = found.bins
+def _near_centres(bins: Bins, surface: Surface) -> NDArray[np.int32]:
+    """(n_i n_j n_k) where a triangle near the centre of each bin is listed, for points that are near none."""
     where = np.repeat(np.arange(len(bins.start) - 1), np.diff(bins.start))
     centres = _bin_centres(bins.shape, bins.size, bins.origin)
     within = bins.size / 2
     close = np.clip(surface.corners[bins.listed].mean(axis=1), centres[where] - within, centres[where] + within)
     _, nearest = KDTree(close).query(centres)
-    return np.asarray(bins.listed[nearest].reshape(bins.shape[::-1]))
+    return np.asarray(nearest, dtype=np.int32)
 
 
 def _bin_centres(shape: tuple[int, int, int], size: float, origin: Floats) -> Any:
