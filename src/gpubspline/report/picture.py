@@ -77,7 +77,9 @@ def draw_picture(
     scale, extend = quantity(field).scale(np.asarray((mesh.fields | mesh.cell_fields)[field]))
     panels = _solid_panels(mesh, field, outside, view, clip) if solid else [_flat_panel(outside, view)]
     heading = title if title is not None else f"{mesh.n_elements:,} {mesh.element_type} · {mesh.n_nodes:,} nodes"
-    return _draw(panels, heading, scale, (extend, quantity(field).label), flat=not solid, edges=edges)
+    figure = draw_panels(panels, heading, scale, flat=not solid, edges=edges)
+    draw_colour_bar(figure, scale, extend, quantity(field).label)
+    return figure
 
 
 def _check(mesh: Mesh, field: str, view: ArrayLike | None, clip: str | None) -> None:
@@ -114,24 +116,29 @@ def _flat_panel(shell: Shell, view: ArrayLike | None) -> Panel:
     return shell, Camera.looking(facing_a_plane(total) if view is None else view), ""
 
 
-def _draw(
-    panels: list[Panel], heading: str, scale: ScalarMappable, bar: tuple[str, str], *, flat: bool, edges: bool | None
+def draw_panels(
+    panels: list[Panel],
+    heading: str,
+    scale: ScalarMappable,
+    *,
+    flat: bool = False,
+    edges: bool | None = None,
+    right_inch: float = BAR_INCH,
 ) -> Figure:
-    """Lay the panels out side by side, all on one scale and only as wide as the body needs."""
+    """Lay the panels out side by side, all on one scale and only as wide as the body needs, with room right of them."""
     frames = [_frame(shell, camera) for shell, camera, _ in panels]
     sizes = np.array([size for _, size in frames]).max(axis=0)
     body_inch = float(np.clip(PANEL_INCH * sizes[0] / sizes[1], 0.6 * PANEL_INCH, 1.1 * PANEL_INCH))
     mm_per_inch = 1.06 * max(sizes[0] / body_inch, sizes[1] / PANEL_INCH)
     panel_inch = np.array([body_inch + 0.3, FOOT_INCH + PANEL_INCH])
     above_inch = HEADING_INCH + (CAPTION_INCH if panels[0][2] else 0.0)
-    figure = Figure(figsize=(panel_inch[0] * len(panels) + BAR_INCH, panel_inch[1] + above_inch), facecolor="white")
+    figure = Figure(figsize=(panel_inch[0] * len(panels) + right_inch, panel_inch[1] + above_inch), facecolor="white")
     for number, (panel, (centre, _)) in enumerate(zip(panels, frames, strict=True)):
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         _place(axes, centre, panel_inch, mm_per_inch, left_inch=number * panel_inch[0])
         _draw_panel(axes, panel, scale, flat=flat, edges=edges)
         draw_patient_axes(figure, panel[1], corner_inch=(number * panel_inch[0] + 0.3, 0.25))
     draw_scale_bar(figure, mm_per_inch, right_inch=float(panel_inch[0] * len(panels) - 0.3))
-    draw_colour_bar(figure, scale, *bar)
     figure.text(0.5, 1 - 0.15 / figure.get_figheight(), heading, ha="center", va="top", fontsize=13, color=INK)
     return figure
 
