@@ -20,7 +20,6 @@ from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import Region
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
-from gpubspline.mesh import improve as improvement
 from gpubspline.mesh.blocks import grow, mesher, place
 from gpubspline.mesh.blocks import lay as laying
 from gpubspline.mesh.blocks import level_set as levels
@@ -59,12 +58,14 @@ REPLACED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
     "spikes and dents of the core stay": (grow, "core_cells", lambda means: means < 0),
     "no repair of the core": (grow, "repair", lambda cells, means: (cells, 0, np.empty((0, 3), dtype=np.int64))),
     "start where the lattice is": (place, "start", lambda hexes, movable: _unmoved(hexes, movable)),
-    "poor hexes not mended alone": (improvement, "mend", lambda hexes, colours, best, effort: best),
     "faces not measured once nodes are placed": (place, "_straightened", lambda holding, settled, phi, effort: settled),
 }
 """Steps that are left out by another function in their place."""
 
 ALL_PLACES = "other places of the lattice tried"
+
+WAYS = (*OFF, *REPLACED, ALL_PLACES, NO_PILLOW)
+"""Rows of the table."""
 
 OF_THIN: dict[str, tuple[Any, str, Callable[..., Any]]] = {
     "all steps": (laying, "thickened", laying.thickened),
@@ -90,7 +91,7 @@ class Outcome:
         """As a cell of a table."""
         if np.isnan(self.least):
             return "no mesh"
-        more = "" if np.isnan(self.volume_error) else f", {self.volume_error:+.1%}, {self.distance:.3f}"
+        more = "" if np.isnan(self.volume_error) else f", {100 * self.volume_error:+.1f} %, {self.distance:.3f}"
         return ("inverted" if self.least <= 0 else f"{self.least:.3f}") + more
 
 
@@ -175,14 +176,14 @@ def thin_ablations(region: Region, size_mm: float, device: Device) -> Iterator[s
 
     Then without each in turn.
     """
-    yield "| way | hexes | worst scaled Jacobian | volume | places of another topology | stands out, elements |"
+    yield "| | hexes | worst scaled Jacobian | volume | places of another topology | stands out, elements |"
     yield "|---|---|---|---|---|---|"
     for way, (home, name, instead) in OF_THIN.items():
         with patch.object(home, name, instead):
             laid = laying.lay(region, size_mm, {}, None, device, 0)
             made = grow.grow(laid.level, laid.core, device)
         volume = made.finished().mesh.volume_mm3 / region.volume_mm3 - 1
-        found = (f"{made.placed.nodes.least:.3f}", f"{volume:+.1%}", str(len(made.core.differences)))
+        found = (f"{made.placed.nodes.least:.3f}", f"{100 * volume:+.1f} %", str(len(made.core.differences)))
         yield f"| {way} | {laid.elements:,} | {' | '.join(found)} | {made.farthest:.1f} |"
 
 
@@ -226,7 +227,7 @@ def table(device: Device) -> Iterator[str]:
     yield f"| | {' | '.join(f'{body}, {size:g} mm' for body, (_, size) in bodies().items())} |"
     found = [dict(ablations(region, size, device)) for region, size in bodies().values()]
     yield f"|---|{'---|' * len(found)}"
-    for way in found[0]:
+    for way in WAYS:
         yield f"| {way} | {' | '.join(str(outcomes[way]) for outcomes in found)} |"
 
 

@@ -15,6 +15,7 @@ import typer
 
 import gpubspline as gb
 from gpubspline.analysis.load_case import _PARTS, read_load_case
+from gpubspline.bench import bench_blocks
 from gpubspline.cli.entry import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -78,6 +79,13 @@ def test_load_case_of_the_guide_is_read() -> None:
     case = read_load_case(re.findall(r"```toml .*?\n(.*?)```", text, re.S)[0], "press.toml")
     assert case.title == "A vertebra pressed from above" and len(case.forces[0].region.parts) == 2
     assert set(re.findall(r"^\| `(\w+) = ", text, re.M)) == {"side", *_PARTS}
+
+
+def test_ablations_of_the_guide_are_those_of_the_bench() -> None:
+    """Its two tables have a row for each step, in the order in which the bench prints them."""
+    text = (ROOT / "docs" / "mathematics.md").read_text()
+    rows = [name for name in re.findall(r"^\| ([^|]+) \|", text, re.M) if not name.startswith("way")]
+    assert rows == [*bench_blocks.WAYS, *bench_blocks.OF_THIN]
 
 
 def test_law_of_the_guide_is_read(tmp_path: Path) -> None:
