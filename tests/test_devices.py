@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
-from gpubspline.device import BACKENDS, Device, list_devices, open_device
+from gpubspline.device import BACKENDS, Device, _open, list_devices, open_device
 from gpubspline.device.vectors import inner_product
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.material.mapping import apply_material, law_on_device
@@ -48,7 +48,7 @@ def test_both_backends_give_the_same_mesh(
 
 @pytest.mark.parametrize("name", BACKENDS)
 def test_a_kernel_is_told_of_while_it_is_built_and_once(name: str) -> None:
-    device = open_device.__wrapped__(name)
+    device = _open.__wrapped__(name, "float32")
     told: list[str] = []
     device.on_build = told.append
     control = np.stack(np.meshgrid(*[np.arange(4.0)] * 3, [0.0], indexing="ij"), axis=-1)[:, :, :, 0]

@@ -168,3 +168,31 @@ def test_a_picture_by_label_and_by_the_beginning_of_a_name(run: Any, ball: str) 
     for field in ("label", "e"):
         status, _, err = run("mesh", ball, *ONE_MM, "--labels", "labels.npy", *size, "--field", field)
         assert status == 0 and Path("m.png").stat().st_size > 10_000, err
+
+
+def test_what_is_written_and_not_read_is_told_so(run: Any, ball: str) -> None:
+    """Whatever somebody finds in a folder of results can be asked about."""
+    size = ("--method", "tensor", "--control", "5,5,5", "--threshold", "0")
+    assert run("mesh", ball, *ONE_MM, *size, "-o", "m.vtu", "--summary", "m.json", "--report", "m.html")[0] == 0
+    for name in ("m.feb", "m.k", "m.cdb"):
+        assert run("export", "m.vtu", "-o", name)[0] == 0
+    for name, words in (
+        ("m.feb", "a deck, which is written only"),
+        ("m.json", "figures of a run"),
+        ("m.html", "a rep"),
+    ):
+        status, said, err = run("info", name)
+        assert (status, said) == (2, "") and f"got {name}: {words}" in err and err.count("\n") == 1
+    assert run("info", "m.vtu")[0] == 0
+    for more in (("m.vtu",), ("--series", "1.2"), ONE_MM):
+        assert "expected one file, without options that read a CT, with m.vtu" in run("info", "m.vtu", *more)[2]
+
+
+@pytest.mark.parametrize(
+    ("thickness", "words"), [("-1", "above 0 mm, got -1"), ("2", "expected quads"), ("nan", "nan")]
+)
+def test_a_thickness_is_of_quads(run: Any, ball: str, thickness: str, words: str) -> None:
+    size = ("--method", "tensor", "--control", "5,5,5", "--threshold", "0")
+    assert run("mesh", ball, *ONE_MM, *size, "-o", "m.vtu")[0] == 0
+    status, said, err = run("export", "m.vtu", "-o", "m.inp", "--thickness", thickness)
+    assert (status, said) == (2, "") and words in err and not Path("m.inp").exists()

@@ -1,6 +1,12 @@
 """Patient-specific finite element models from CT: B-spline solids sampled to all-hexahedral meshes with material.
 
-Public names are imported when first used: ``import gpubspline`` loads no kernel backend and takes no time.
+A run, step by step: ``read_volume``, ``region_from_threshold`` or ``region_from_mask``; then ``control_lattice``,
+``fit`` and ``sample``, or ``blocks_mesh`` for any shape; ``apply_material`` or ``assign``; ``assess``, ``write``; and
+``load_case`` with ``respond`` for its stress. ``read``, ``region`` and ``patch`` do the first of them in one call each.
+
+Public names are imported when first used: ``import gpubspline`` loads no kernel backend and takes no time. What the
+result stands in spite of is a ``GpubsplineWarning``, for the module ``warnings``; what it cannot be made from is one of
+the errors below ``GpubsplineError``. Nothing is printed.
 """
 
 import importlib
@@ -22,6 +28,7 @@ if TYPE_CHECKING:
     from gpubspline.analysis.response import respond as respond
     from gpubspline.analysis.study import Study as Study
     from gpubspline.analysis.study import run_study as run_study
+    from gpubspline.clock import Clock as Clock
     from gpubspline.ct.image import read_volume as read_volume
     from gpubspline.ct.masks import open_labels as open_labels
     from gpubspline.ct.masks import read_mask as read_mask
@@ -85,6 +92,7 @@ _HOME = {
     "analysis.loads": ("assemble",),
     "analysis.response": ("respond",),
     "analysis.study": ("Study", "run_study"),
+    "clock": ("Clock",),
     "ct.image": ("read_volume",),
     "ct.masks": ("open_labels", "read_mask"),
     "ct.phantom": ("phantom",),
@@ -124,6 +132,9 @@ _HOME = {
     "surface.surface": ("Surface",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+
+__all__ = sorted(["BackendUnavailable", "GpubsplineError", "GpubsplineWarning", "InputError", "MeshError", *_MODULE_OF])
 
 
 def __getattr__(name: str) -> Any:

@@ -20,6 +20,7 @@ from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.material.orthotropy import without_orthotropy
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 LIMIT = 20_000
 """Iterations after which a solve has failed."""
@@ -48,6 +49,8 @@ class Solution:
     iterations: int
     residual: float
     strain_energy_nmm: float
+
+    __repr__ = brief
 
 
 def solve(
@@ -80,8 +83,8 @@ def solve(
     SolveError where the residual does not reach the tolerance.
     """
     held, loads, moved = _inputs(mesh, fixed, forces_n, prescribed_mm)
-    if not tolerance > 0:
-        raise InputError(f"expected a positive tolerance, got {tolerance:g}")
+    if not 0 < tolerance < 1:
+        raise InputError(f"expected a positive tolerance below 1, got {tolerance:g}")
     precise = open_device(device.name, "float64")
     k = stiffness(mesh, precise, modulus, formulation)
     held = _hold(mesh, held, loads)

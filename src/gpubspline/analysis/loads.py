@@ -16,6 +16,7 @@ from gpubspline.analysis.load_case import load_cases as load_cases
 from gpubspline.analysis.regions import Flags, Floats, Surface, surfaces, width_mm
 from gpubspline.errors import InputError
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 TONNE_MM3 = 1e-9
 """Of 1 g/cm3: the unit of mass that goes with mm, N and MPa."""
@@ -77,6 +78,8 @@ class AssembledLoads:
     gripped: Flags
     away_mm: float
     report: tuple[Applied, ...]
+
+    __repr__ = brief
 
     @property
     def applied_n(self) -> Floats:

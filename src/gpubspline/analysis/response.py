@@ -13,6 +13,7 @@ from gpubspline.analysis.stress import PERCENTILE, Stress, recover
 from gpubspline.clock import Clock
 from gpubspline.device import Device
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 TOLERANCE = 1e-8
 """Of the residual: the forces out of balance against the loads."""
@@ -38,6 +39,8 @@ class Response:
     stress: Stress
     modulus: str
     formulation: str
+
+    __repr__ = brief
 
     def figures(self) -> dict[str, Any]:
         """Plain numbers, texts, lists and dicts, for JSON; vectors are along the patient's axes, LPS."""
@@ -71,7 +74,7 @@ def respond(
     mesh: Mesh,
     case: LoadCase,
     device: Device,
-    clock: Clock,
+    clock: Clock | None = None,
     *,
     modulus: str = "graded",
     formulation: str = "full",
@@ -80,14 +83,15 @@ def respond(
 ) -> Response:
     """Solve a mesh of hexes with the nodal fields ``E_MPa`` and ``nu`` under a load case.
 
-    ``body`` is the mesh that ``assemble`` measures regions by, and about whose nodes stress is averaged; it is ``mesh``
-    itself unless given.
+    ``clock`` is told of the stages ``load``, ``solve`` and ``stress`` as they go. ``body`` is the mesh that
+    ``assemble`` measures regions by, and about whose nodes stress is averaged; it is ``mesh`` itself unless given.
 
     Raises
     ------
     InputError where the load case does not fit the mesh, or the mesh cannot be solved.
     SolveError where the residual does not reach the tolerance.
     """
+    clock = Clock() if clock is None else clock
     with clock.stage("load"):
         loads = assemble(case, mesh, body)
     with clock.stage("solve"):

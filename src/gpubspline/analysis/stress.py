@@ -25,6 +25,7 @@ from gpubspline.analysis.local_mean import LocalMean, local_mean
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import ELEMENTS, Element
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 Floats = NDArray[np.float64]
 
@@ -92,6 +93,8 @@ class Stress:
     strain: Floats
     energy: Floats
     figures: StressFigures
+
+    __repr__ = brief
 
     def fields(self) -> dict[str, NDArray[Any]]:
         """Nodal fields (n,) for a mesh: stress, its von Mises and principal values, strain, strain energy density."""

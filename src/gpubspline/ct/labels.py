@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.shown import brief
 
 PLACE_TOLERANCE = 0.1
 """Greatest distance of a mask's corner from the volume's, in the smallest voxel edge: files round their matrices."""
@@ -33,6 +34,8 @@ class Segment:
     inside: NDArray[np.bool_]
     coverage: NDArray[np.float32] | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Labels:
@@ -50,6 +53,8 @@ class Labels:
     names: dict[int, str]
     read: Callable[[int], Segment]
     read_all: Callable[[], Segment] | None = None
+
+    __repr__ = brief
 
     def number(self, label: int | str) -> int:
         """Number of a label by its number or name, the case of letters aside.

@@ -13,6 +13,7 @@ from gpubspline.ct.held_volume import hold_volume
 from gpubspline.ct.signed_distance import box_around, signed_distance
 from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import InputError
+from gpubspline.shown import brief
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -55,6 +56,8 @@ class Region:
     mask: Mask
     distance_mm: NDArray[np.float32]
     affine: Floats
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check that the parts belong together."""

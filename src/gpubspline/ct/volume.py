@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpubspline.errors import InputError
-from gpubspline.shown import shown
+from gpubspline.shown import brief, shown
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ class Volume:
     affine: Floats
     source: str = "array"
     frame_of_reference: str | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check shapes and values once, at the door."""

@@ -1,6 +1,7 @@
 """The seam between host code and kernel backends: a device of five verbs."""
 
 import importlib
+import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
@@ -67,6 +68,28 @@ class Device(Protocol):
         """Return when everything launched has finished."""
 
 
+class Named:
+    """How a device is told, and sent to another process: by its name, by which that one opens its own."""
+
+    name: str
+    label: str
+    real: "np.dtype[Any]"
+
+    def __repr__(self) -> str:
+        """Name, hardware and precision."""
+        return f"<{self.name}, {self.label}, {self.real}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Open the device of this name and precision where it is unpickled."""
+        return open_device, (self.name, str(self.real))
+
+    def __copy__(self) -> "Named":
+        """Give another of what is open, whose attributes can be changed apart."""
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        return twin
+
+
 def buffer_type(values: NDArray[Any], real: "np.dtype[Any]") -> "np.dtype[Any]":
     """Type of the buffer that an array is put in.
 
@@ -91,9 +114,10 @@ def find_kernel(kernel: str) -> tuple[str, str]:
     return (module if "." in module else f"{KERNELS}.{module}"), name
 
 
-@cache
 def open_device(name: str = "auto", precision: str = "float32") -> Device:
     """Open a device by name; the same name gives the same device again.
+
+    Threads may share it. Processes may not: one that is forked after a device was opened is refused all of them.
 
     Arguments
     ---------
@@ -103,19 +127,51 @@ def open_device(name: str = "auto", precision: str = "float32") -> Device:
 
     Raises
     ------
-    BackendUnavailable where the backend or the device is not present; InputError for a name of no backend.
+    BackendUnavailable where the backend or the device is not present, or this process was forked from one that had
+    opened a device; InputError for a name of no backend.
     """
     if precision not in ("float32", "float64"):
         raise InputError(f"expected the precision float32 or float64, got {precision!r}")
-    real = np.dtype(precision)
+    return _open(name, precision)
+
+
+@cache
+def _open(name: str, precision: str) -> Device:
     if name == "auto":
         return _open_first(("warp:cuda:0", "opencl", "warp:cpu"), precision)
     backend, _, rest = name.partition(":")
     if backend not in BACKENDS:
         raise InputError(f"expected a backend of {', '.join(BACKENDS)} or auto, got {backend!r}")
     module = importlib.import_module(f"gpubspline.device.{backend}")
-    device: Device = module.open_device(rest, real)
+    if _FORKED:
+        _refuse()
+    device: Device = module.open_device(rest, np.dtype(precision))
+    _OPENED.append(device)
     return device
+
+
+_OPENED: list[Device] = []
+_FORKED: list[Device] = []
+"""Devices that this process has opened, and those of the process that it was forked from."""
+
+
+def _refuse(*_: Any, **__: Any) -> Any:
+    raise BackendUnavailable(
+        "expected a process of its own for its devices, got one forked from another that had opened some, whose "
+        "threads it lacks: start it by multiprocessing.get_context('spawn')"
+    )
+
+
+def _forked() -> None:
+    """Let the devices of the process that this one was forked from refuse: a launch on them would wait for ever."""
+    _FORKED.extend(_OPENED)
+    for device in _OPENED:
+        for verb in ("put", "empty", "get", "copy", "launch", "wait"):
+            setattr(device, verb, _refuse)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
 
 
 def _open_first(names: tuple[str, ...], precision: str) -> Device:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import KERNELS, Device, buffer_type, find_kernel, quietly
+from gpubspline.device import KERNELS, Device, Named, buffer_type, find_kernel, quietly
 from gpubspline.device.pages import LARGE_BYTES, ask_for_large_pages
 from gpubspline.device.pocl import has_wide_vectors, name_processor
 from gpubspline.errors import BackendUnavailable
@@ -62,7 +62,7 @@ class _Found:
     most: int
 
 
-class OpenCLDevice:
+class OpenCLDevice(Named):
     """One OpenCL device. On a CPU, buffers are mapped into host memory and nothing is copied on the way back."""
 
     backend = "opencl"

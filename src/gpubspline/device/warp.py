@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, buffer_type, find_kernel, quietly
+from gpubspline.device import Device, Named, buffer_type, find_kernel, quietly
 from gpubspline.device.pages import ask_for_large_pages
 from gpubspline.errors import BackendUnavailable, InputError
 
@@ -94,7 +94,7 @@ class _Commands:
     idle: list[Any]
 
 
-class WarpDevice:
+class WarpDevice(Named):
     """One Warp device; on the CPU a launch would run on one thread, so its outermost dimension is split over a pool."""
 
     backend = "warp"

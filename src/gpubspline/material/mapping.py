@@ -12,6 +12,7 @@ from gpubspline.material.laws import Law
 from gpubspline.material.registry import law as find_law
 from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 POLICIES = ("clamp", "floor", "error")
 """What becomes of HU outside every range of a law."""
@@ -40,6 +41,8 @@ class Material:
     modulus_mpa: NDArray[Any]
     poisson: NDArray[Any]
     piece: NDArray[np.int32]
+
+    __repr__ = brief
 
     @property
     def out_of_range(self) -> int:

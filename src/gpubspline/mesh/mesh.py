@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.mesh import measure, structure
 from gpubspline.mesh.elements import Element, find_element
-from gpubspline.shown import shown
+from gpubspline.shown import brief, shown
 
 Fields = dict[str, NDArray[Any]]
 
@@ -50,6 +50,8 @@ class Mesh:
     cell_fields: Fields = field(default_factory=dict)
     node_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
     element_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check once, at the door, and bring the points into planes."""

@@ -11,7 +11,7 @@ from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.shown import shown
+from gpubspline.shown import brief, shown
 
 COLUMN_CELLS = 64  # along w, along which a work item of a GPU goes
 TILE = 32  # of a GPU, as in its kernel
@@ -148,6 +148,8 @@ class Quality:
     worst: NDArray[np.int64]
     worst_values: NDArray[np.float64]
     worst_centroids_mm: NDArray[np.float64]
+
+    __repr__ = brief
 
     def _repr_html_(self) -> str:
         return str(shown("quality_html", self))

@@ -20,6 +20,7 @@ from gpubspline.errors import BackendUnavailable, InputError
 from gpubspline.mesh.bernstein import from_samples, halves, lobatto
 from gpubspline.mesh.elements import Element
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 Floats = NDArray[np.float64]
 
@@ -77,6 +78,8 @@ class Validity:
     lower: Floats
     upper: Floats
     verdict: NDArray[np.int8]
+
+    __repr__ = brief
 
     @property
     def certificate(self) -> Certificate:

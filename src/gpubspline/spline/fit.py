@@ -10,6 +10,7 @@ from scipy.linalg import solve_banded
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.shown import brief
 from gpubspline.spline.hyperpatch import Hyperpatch, hyperpatch
 from gpubspline.spline.knots import averaged, clamped_uniform, greville
 from gpubspline.spline.lattice import ControlLattice
@@ -34,6 +35,8 @@ class Fit:
 
     patch: Hyperpatch
     error: FitError
+
+    __repr__ = brief
 
 
 def fit(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
+from gpubspline.shown import brief
 from gpubspline.spline.contract import Direction, contract_grid, contract_points
 from gpubspline.spline.knots import MAX_DEGREE, check_knots, clamped_uniform, inserted
 
@@ -42,6 +43,8 @@ class Hyperpatch:
     knots: tuple[Floats, ...]
     weights: Floats | None = None
     channels: tuple[str, ...] = ("HU",)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check that the parts fit, and settle the memory order."""

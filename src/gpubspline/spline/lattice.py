@@ -12,6 +12,7 @@ from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
 from gpubspline.errors import InputError
+from gpubspline.shown import brief
 from gpubspline.spline.reformat import Stack, stack
 from gpubspline.spline.spans import Floats, blend, fill_gaps, inset, row_spans, tips
 
@@ -39,6 +40,8 @@ class ControlLattice:
 
     points: Floats
     channels: tuple[str, ...] = ("HU",)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check the shape once and settle the memory order."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.errors import InputError
+from gpubspline.shown import brief
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,6 +29,8 @@ class Surface:
 
     points: Floats
     triangles: Integers
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check once, at the door."""

@@ -9,6 +9,15 @@ from gpubspline.cli.app import LOOK, command
 from gpubspline.cli.options import ReadOptions, RunOptions, flattened
 from gpubspline.errors import InputError
 
+OURS = {
+    ".json": "figures of a run, which any editor shows",
+    ".toml": "a law, a load case or a calibration, which any editor shows",
+    ".csv": "a table, which any editor shows",
+    ".html": "a report, which any browser shows",
+    ".png": "a picture",
+}
+"""Other files of this package, which tell themselves what they hold."""
+
 
 @command(LOOK, "info ct.nii.gz", "info dicom_folder", "info labels.nii.gz", "info femur.vtu")
 @flattened
@@ -26,6 +35,10 @@ def info(
     from gpubspline.export import can_read, read_mesh
     from gpubspline.surface.read import is_surface, read_surface
 
+    one = source[0].suffix == ".npz" or is_surface(source[0]) or can_read(source[0])
+    if one and (len(source) > 1 or read != ReadOptions()):
+        raise InputError(f"expected one file, without options that read a CT, with {source[0].name}, got more")
+    _check_known(source[0])
     with RunOptions().clock() as clock, clock.stage("read"):
         if source[0].suffix == ".npz":
             from gpubspline.spline.model import load_model
@@ -45,3 +58,13 @@ def info(
             volume = read_volume(source, progress=clock.advance, **read.reading())
             lines = [*describe.volume_lines(volume), *describe.label_lines(volume, label_names(source[0]))]
     RunOptions().say(lines)
+
+
+def _check_known(path: Path) -> None:
+    """Raise InputError for what this package writes and does not read: the mesh that it was made of can be asked."""
+    from gpubspline.export import can_read, extensions
+
+    ending = path.suffix.lower()
+    if path.is_file() and (ending in OURS or (ending in extensions() and not can_read(path))):
+        what = OURS.get(ending, "a deck, which is written only: ask for the mesh file that it was made from")
+        raise InputError(f"expected a CT, a segmentation, a model, a mesh or a surface, got {path.name}: {what}")

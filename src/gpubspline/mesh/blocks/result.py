@@ -12,6 +12,7 @@ from gpubspline.mesh.blocks.level_set import LevelSet
 from gpubspline.mesh.blocks.placement import Placement
 from gpubspline.mesh.blocks.reach import LostFeature, core_distance, within_reach
 from gpubspline.mesh.mesh import Mesh
+from gpubspline.shown import brief
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,8 @@ class Blocks:
     core: Cells
     report: BlocksReport
     tips: NDArray[np.int32]
+
+    __repr__ = brief
 
     def surface(self) -> LevelSet:
         """The level set as far as the core reaches it: sheets that it does not reach are left out."""

@@ -16,6 +16,7 @@ from gpubspline.errors import InputError, NoSectionsError
 from gpubspline.mesh.butterfly.contours import Sections, cut_sections
 from gpubspline.mesh.butterfly.matching import match_loops
 from gpubspline.mesh.butterfly.placement import Layout, corner_sines, harmonic, transfinite
+from gpubspline.shown import brief
 from gpubspline.spline.fit import FitError, fit
 from gpubspline.spline.hyperpatch import Hyperpatch
 from gpubspline.spline.lattice import ControlLattice, surface_hu
@@ -54,6 +55,8 @@ class Butterfly:
     sections: Sections
     error: FitError
     has_hu: bool
+
+    __repr__ = brief
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
