@@ -115,10 +115,7 @@ def _contract_solid(
     spared_bytes = (n_planes + SPARE_PLANES) * SPARE_ROWS * row_bytes
     if degrees[2] >= SPARE_DEGREE and spared_bytes <= RING_BYTES:
         n_planes += SPARE_PLANES
-    band = _evenly(counts[1], max(RING_BYTES // (n_planes * row_bytes), 1))
-    aligned = MOST_LANES // gcd(MOST_LANES, counts[0])  # rows, after which a vector begins
-    if aligned <= band:
-        band = -(-band // aligned) * aligned
+    band = _band(counts, n_v, degrees[1], max(RING_BYTES // (n_planes * row_bytes), 1))
     n_bands = -(-counts[1] // band)
     part = _evenly(counts[2], max(counts[2] * n_bands * n_channels // (ITEMS_PER_CORE * device.cores), 1))
     items = n_bands * -(-counts[2] // part) * n_channels
@@ -131,6 +128,23 @@ def _contract_solid(
     arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, n_planes, item_size, scratch, scratch, target)
     device.launch("bands.contract_solid", (items, 1, counts[0]), *arguments)
     return target, prod(counts)
+
+
+def _band(counts: list[int], n_v: int, degree: int, most: int) -> int:
+    """Rows of a band, at most or about ``most``: so many that the control points of all bands fill the fewest blocks.
+
+    Rows of control points go along u in blocks of as many as there are lanes, whether or not the band needs them all.
+    """
+    fewest = -(-counts[1] // most)
+    aligned = MOST_LANES // gcd(MOST_LANES, counts[0])  # rows, after which a vector begins
+    bands = [-(-counts[1] // n) for n in range(fewest, min(2 * fewest, counts[1]) + 1)]
+    bands = [-(-band // aligned) * aligned if aligned <= band else band for band in bands]
+
+    def blocks(band: int) -> int:
+        rows = -(-band * (n_v - degree) // counts[1]) + degree  # as spans are even
+        return -(-counts[1] // band) * -(-rows // MOST_LANES)
+
+    return min(bands, key=blocks)
 
 
 def _evenly(total: int, most: int) -> int:
