@@ -111,7 +111,9 @@ def label_counts(values: NDArray[Any]) -> dict[int, int]:
     """Voxels of each number of what looks like an image of labels, 0 left out; empty where it looks like a CT."""
     if values.dtype.kind != "i" or values.min() < 0:
         return {}
-    counts = np.bincount(values.ravel())
+    counts = np.zeros(int(values.max()) + 1, dtype=np.int64)
+    for plane in values:  # at once NumPy would make eight bytes of each voxel
+        counts += np.bincount(plane.ravel(), minlength=len(counts))
     found = {int(n): int(counts[n]) for n in np.flatnonzero(counts) if n}
     return found if counts[0] and len(found) <= MOST_LABELS else {}
 

@@ -259,7 +259,7 @@ def persist(hexes: Movable, colours: NDArray[Any], best: Placed, effort: Effort)
 
     if 0 < best.least < LOW:
         keep(creep(hexes, colours, best, effort))
-        if reached[-1].least >= LOW:
+        if reached[-1].least >= LOW:  # climbs from there gain hundredths at most, for as long again
             return reached
     for _ in range(ROUNDS):
         before = reached[-1].least
