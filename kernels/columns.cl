@@ -48,16 +48,15 @@ inline void along_w(int degree, __global const real *source, int layer, int inne
             r4 = degree == 4 ? total : r5;
             r5 = total;
         }
-        __global const real *w = values + k;
-        real4_ node = w[0] * r0 + w[n_all] * r1;
+        real4_ node = values[k] * r0 + values[n_all + k] * r1;
         if (degree > 1)
-            node += w[2 * n_all] * r2;
+            node += values[2 * n_all + k] * r2;
         if (degree > 2)
-            node += w[3 * n_all] * r3;
+            node += values[3 * n_all + k] * r3;
         if (degree > 3)
-            node += w[4 * n_all] * r4;
+            node += values[4 * n_all + k] * r4;
         if (degree > 4)
-            node += w[5 * n_all] * r5;
+            node += values[5 * n_all + k] * r5;
         stream_one(node.s0, to);
         if (left > TILE)
             stream_one(node.s1, to + TILE);

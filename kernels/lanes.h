@@ -16,7 +16,7 @@
 // The elements i, i + 1, ... i + LANES - 1 that this work item takes of n, in turn. On a GPU neighbours touch neighbouring
 // memory; on a CPU each work item takes one run, so that what does not depend on i is read once for all of it.
 #if LANES == 1
-#define FOR_LANES(i, n) for (int i = get_global_id(0); i < (n); i += get_global_size(0))
+#define FOR_LANES(i, n) for (int i = get_global_id(0); (uint)i < (uint)(n); i += get_global_size(0)) // past 2^31 it ends
 #else
 #define FOR_LANES(i, n) for (int i = run_start(get_global_id(0), n); i < run_start(get_global_id(0) + 1, n); i += LANES)
 inline int run_start(size_t item, int n)
