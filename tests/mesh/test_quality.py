@@ -250,8 +250,8 @@ def test_an_element_with_a_node_that_is_nowhere_is_not_judged_by_the_others(elem
 def test_a_mesh_with_a_node_that_is_nowhere_is_refused(judge, device):
     mesh = smooth_mesh("hex8")
     points = mesh.points.copy()
-    points[5, 1], points[7, 2] = np.nan, np.inf
-    with pytest.raises(InputError, match=f"finite coordinates, got NaN or infinity at 2 of {mesh.n_nodes} nodes"):
+    points[5, 1], points[7, 2], points[9, 2] = np.nan, np.inf, -np.inf
+    with pytest.raises(InputError, match=f"finite coordinates, got NaN or infinity at 3 of {mesh.n_nodes} nodes"):
         judge(Mesh(points, "hex8", structure=mesh.structure), device)
 
 

@@ -111,7 +111,8 @@ def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:
 def _put_points(mesh: Mesh, device: Device, corners: NDArray[Any] | None = None) -> list[Buffer]:
     """Coordinates, of all nodes or some, from their middle, where float32 has more digits to spare for an edge."""
     planes = mesh.planes if corners is None else mesh.planes[:, corners]
-    middle = planes.mean(axis=1, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # opposite infinities
+        middle = planes.mean(axis=1, dtype=np.float64)
     if not np.isfinite(middle).all():  # a node that is nowhere shows here, at no cost
         mesh.check_finite()
     return [device.put(plane - at) for plane, at in zip(planes, middle, strict=True)]
