@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.ndimage import label
 
 from gpubspline.bench.bench_blocks import thin_ablations, thin_features, three_arms
 from gpubspline.ct.region import Region
@@ -12,7 +13,7 @@ from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import mesher
 from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import find_core
-from gpubspline.mesh.blocks.lay import Laid, in_turn, mended, thickened
+from gpubspline.mesh.blocks.lay import Laid, in_turn, joined_by_faces, mended, thickened
 from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.placement import placement
@@ -108,6 +109,19 @@ def test_walls_as_thin_as_an_element_are_kept(device: Device) -> None:
     made = blocks_mesh(region, size, rotation=place.axes(None), attempts=1, device=device)
     assert made.report.min_scaled_jacobian > 0.6 and made.report.lost_features == ()
     assert made.mesh.volume_mm3 == pytest.approx(region.volume_mm3, rel=0.05)  # a sixth of the nodes leave its surface
+
+
+@pytest.mark.parametrize(("away", "more"), [((0, 1, 1), 1), ((1, 1, 1), 2), ((2, 0, 0), 1), ((2, 2, 0), 0)])
+def test_what_meets_the_core_at_an_edge_or_a_corner_is_joined(away: tuple[int, int, int], more: int) -> None:
+    """By the cells that lie deepest; what is farther off stays apart."""
+    cells, means = np.zeros((9, 9, 9), dtype=bool), -np.arange(729, dtype=np.float32).reshape(9, 9, 9)
+    cells[1:5, 1:5, 1:5] = True
+    at = tuple(4 + step for step in away)
+    cells[at] = True
+    joined = joined_by_faces(cells, means)
+    assert np.count_nonzero(joined) == np.count_nonzero(cells) + more and not np.any(cells & ~joined)
+    assert label(joined)[1] == (1 if more else 2)
+    assert away != (0, 1, 1) or (joined[4, 5, 4] and not joined[4, 4, 5])
 
 
 def test_each_step_that_keeps_thin_features_keeps_one(both_devices):

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, find_objects, label
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
@@ -153,7 +154,7 @@ def thickened(laid: Laid) -> Laid:
         if not laid.far:
             break
         own = laid.core.cells > 0
-        wanted = own | _missing(laid)
+        wanted = joined_by_faces(own | _missing(laid), laid.means)
         means = np.where(wanted & ~own, np.minimum(laid.means, KEPT), laid.means)
         found = _repaired(laid.level, wanted, means)
         if found is None:
@@ -163,6 +164,35 @@ def thickened(laid: Laid) -> Laid:
             break
         laid = more
     return laid
+
+
+def joined_by_faces(wanted: Cells, means: Field) -> Cells:
+    """Take in the cells by which parts hang on the largest one that meet it along an edge or at a corner alone.
+
+    The repair parts what no faces join: an ear of twenty cells went with one of them.
+    """
+    joined: Cells = wanted.copy()
+    numbers, _ = label(wanted)
+    largest = int(np.argmax(np.bincount(numbers.reshape(-1))[1:])) + 1
+    for part, box in enumerate(find_objects(numbers), start=1):
+        if part != largest:
+            window = tuple(slice(max(side.start - 2, 0), side.stop + 2) for side in box)
+            joined[window] |= _bridge(numbers[window] == part, numbers[window] == largest, means[window])
+    return joined
+
+
+def _bridge(part: Cells, others: Cells, means: Field) -> Cells:
+    """Find the cell, or at a corner the two, by which a part is joined to others; none where these are farther off."""
+    beside, opposite, found = binary_dilation(part), binary_dilation(others), np.zeros_like(part)
+    if not (beside & opposite).any():
+        found = _deepest(beside & binary_dilation(opposite), means)
+        beside = binary_dilation(found)
+    return np.asarray(found | _deepest(beside & opposite, means))
+
+
+def _deepest(cells: Cells, means: Field) -> Cells:
+    """The one of some cells that lies deepest inside, if there are any."""
+    return np.asarray(cells & (np.arange(cells.size).reshape(cells.shape) == np.where(cells, means, np.inf).argmin()))
 
 
 def _repaired(level: LevelSet, wanted: Cells, means: Field) -> Core | None:

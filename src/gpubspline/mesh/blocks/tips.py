@@ -24,11 +24,11 @@ Floats = NDArray[np.float64]
 OUT = 1.15
 """How far, in elements, a tip may stand out of the mesh."""
 
-WAYS = ((1.0, 0.0), (1.0, 0.15), (1.12, 0.3))
-"""What is left of one that stands out farther, and how far the nodes round it may leave the surface, in elements.
+LEFT = 1.12
+"""What is left of one that stands out farther: to draw it out more than it must makes the hexes round it worse."""
 
-Tried in turn until no hex is poor.
-"""
+LOOSE = (0.0, 0.15, 0.3)
+"""How far, in elements, nodes round it may leave the surface, tried in turn until no hex is poor."""
 
 LONGEST = 1.5
 """Farthest, in elements, that a node is drawn out."""
@@ -102,14 +102,14 @@ def _drawn(hexes: Movable, best: Placed, tip: Floats, level: LevelSet) -> Placed
     way = tip - points[foot]
     length = float(np.linalg.norm(way))
     around = np.any(hexes.cells == foot, axis=1)
-    for left, loose in WAYS if length - WAYS[-1][0] <= LONGEST else ():
+    for loose in LOOSE if length - LEFT <= LONGEST else ():
         slack = best.slack.copy()
         ring = np.unique(hexes.cells[around])
         ring = ring[(slack[ring] >= 0) & (slack[ring] < FREE)]
         slack[ring], slack[foot] = np.maximum(slack[ring], loose), FIXED
         near = neighbourhood(hexes, slack, hexes_round(hexes, around, RINGS))
         given = points[near.nodes]
-        given[near.nodes == foot] = level.on_region(points[foot] + way * max(0.0, 1 - left / length))
+        given[near.nodes == foot] = level.on_region(points[foot] + way * max(0.0, 1 - LEFT / length))
         made = improve(near.hexes, near.colours, hexes.device.put(given.T), near.slack, Effort(WANTED, loosen=False))
         if _is_sound(near, made, min(POOR, best.least)):
             points[near.nodes] = _points(near.hexes, made)
