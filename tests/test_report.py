@@ -54,6 +54,8 @@ def test_report_of_a_mesh_holds_the_run_and_no_patient(run: Command, femur: Path
     assert "Morgan, Bayraktar, Keaveny, J Biomech 36 (2003) 897-904" in text
     warned = text[: text.index("<main>")]
     assert re.search(r"<li>[^<]*slice", warned) and "not confirmed from its source" in warned  # the gap, and the law
+    for words in (r"<b>\d+ × \d+ × 99 mm</b>", r"<b>[\d.]+ cm³</b><span>volume", r"<b>[\d.]+ g</b><span>mass, by"):
+        assert re.search(words, warned), words  # what a clinician knows of a child's femur
     data = data_of(text)
     assert len(data["slices"]["views"]) == 3 and len(data["scene"]["worst"]) == 10  # type: ignore[index, call-overload]
 

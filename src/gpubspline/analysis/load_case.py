@@ -9,6 +9,9 @@ Units are N, mm and MPa. A file holds one load case::
                                                          # or a force is left out of the maximum
     averaged_mm = 3.0                                    # the maximum is that of means over balls of this radius
 
+    landmarks = "F.mrk.json"                             # points of 3D Slicer (or .fcsv), beside the file: their names
+                                                         # stand wherever centre_mm or point_mm does
+
     [regions.tip]                                        # where all that is given holds:
     side = "w1"                                          # face u0 to w1 of a structured mesh, node set, or "surface"
     sphere = { centre_mm = [0, 0, 90], radius_mm = 20 }
@@ -46,6 +49,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gpubspline.analysis.landmarks import read_landmarks
 from gpubspline.analysis.regions import Box, Cap, HalfSpace, Part, Patch, Region, Side, Sphere, Vector
 from gpubspline.errors import InputError
 from gpubspline.tables import checked, is_a, parse, read_text
@@ -137,24 +141,29 @@ def load_case(name: str | Path) -> LoadCase:
     InputError, one line that names the key, where there is no such load case or the file does not follow the schema.
     """
     if isinstance(name, Path) or name.lower().endswith(".toml"):
-        return read_load_case(read_text(Path(name), "load case"), Path(name).name)
+        return read_load_case(read_text(Path(name), "load case"), Path(name).name, Path(name).parent)
     if name not in load_cases():
         raise InputError(f"expected a load case of {', '.join(load_cases())}, or a .toml file, got {name!r}")
     text = resources.files("gpubspline.analysis").joinpath(f"{name}.toml").read_text(encoding="utf-8")
     return read_load_case(text, name)
 
 
-def read_load_case(text: str, name: str) -> LoadCase:
-    """Read a load case from a TOML text (schema: this module's docstring); raises InputError as ``load_case``."""
+def read_load_case(text: str, name: str, folder: Path = Path()) -> LoadCase:
+    """Read a load case from a TOML text (schema: this module's docstring); raises InputError as ``load_case``.
+
+    ``folder``: where its landmarks lie.
+    """
     try:
-        return _case(parse(text, name), name)
+        return _case(parse(text, name), name, folder)
     except InputError as error:
         raise InputError(f"load case {name}: {error}") from None
 
 
-def _case(tables: dict[str, Any], name: str) -> LoadCase:
+def _case(tables: dict[str, Any], name: str, folder: Path) -> LoadCase:
+    if isinstance(tables.get("landmarks"), str):
+        tables = _placed(tables, read_landmarks(folder / tables["landmarks"]))
     texts = {"title": str, "source": str, "axes": str}
-    lists = {"regions": dict, "fixed": list, "force": list, "pressure": list, "gravity": dict}
+    lists = {"landmarks": str, "regions": dict, "fixed": list, "force": list, "pressure": list, "gravity": dict}
     given = checked(tables, "the file", {}, {**texts, **dict.fromkeys(_SIZES, float), **lists})
     regions = {key: _region(key, table) for key, table in given.get("regions", {}).items()}
     away, of_width = _one_of(given, "away_mm", "away_of_width", "the file") or (0.0, False)
@@ -169,6 +178,21 @@ def _case(tables: dict[str, Any], name: str) -> LoadCase:
         averaged_mm=_positive(given["averaged_mm"], "averaged_mm of the file") if "averaged_mm" in given else 0.0,
         **{key: given[key] for key in texts if key in given},
     )
+
+
+def _placed(table: Any, points: dict[str, Vector]) -> Any:
+    """Put the coordinates of landmarks where their names stand."""
+    if isinstance(table, list):
+        return [_placed(each, points) for each in table]
+    if not isinstance(table, dict):
+        return table
+    made = {key: _placed(value, points) for key, value in table.items()}
+    for key in ("centre_mm", "point_mm"):
+        if isinstance(made.get(key), str):
+            if made[key] not in points:
+                raise InputError(f"expected one of the landmarks {', '.join(points)} for {key}, got {made[key]!r}")
+            made[key] = list(points[made[key]])
+    return made
 
 
 def _each(given: dict[str, Any], key: str, make: Callable[[Any, str], Item]) -> tuple[Item, ...]:

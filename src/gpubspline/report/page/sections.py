@@ -5,6 +5,8 @@ from html import escape
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from gpubspline.material.alarms import MASS_TOLERANCE, mass_advice
 from gpubspline.material.density import DensityRelation
 from gpubspline.material.laws import Law
@@ -68,7 +70,8 @@ def headline(account: Account) -> str:
     mesh, quality = account.mesh, account.quality
     figures = account.figures
     elements, kind = figures.get("elements", mesh.n_elements), figures.get("element_type", mesh.element_type)
-    tiles = [(f"{elements:,}", f"{kind} elements"), (f"{figures.get('nodes', mesh.n_nodes):,}", "nodes")]
+    tiles = [*_body_tiles(account), (f"{elements:,}", f"{kind} elements")]
+    tiles.append((f"{figures.get('nodes', mesh.n_nodes):,}", "nodes"))
     if quality is not None:
         tiles += [
             (percent(quality.fraction_above_0_5), "scaled Jacobian above 0.5"),
@@ -83,6 +86,20 @@ def headline(account: Account) -> str:
     if distance:
         tiles.append((f"{number(distance['mean'])} mm", "mean distance to the surface"))
     return "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in tiles)
+
+
+def _body_tiles(account: Account) -> list[tuple[str, str]]:
+    """Size, volume and mass as far as they are known: whoever knows the patient sees whether they can be."""
+    figures = account.figures
+    size = " × ".join(f"{mm:.0f}" for mm in np.ptp(account.mesh.points, axis=0)) if account.mesh.n_nodes else ""
+    tiles = [(f"{size} mm", "size along x, y, z")] if size else []
+    volume, mass = (figures.get("volume_mm3") or {}).get("mesh"), figures.get("mass_g")
+    if volume:
+        tiles.append((f"{number(volume / 1000)} cm³", "volume"))
+    if mass:
+        kind = figures.get("mass_density")
+        tiles.append((f"{number(mass)} g", f"mass, by {kind} density" if kind else "mass"))
+    return tiles
 
 
 def chart_section(account: Account, nodal: dict[str, Any]) -> str:
