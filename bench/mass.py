@@ -131,6 +131,13 @@ def meshed(body: Body, method: str, device: Device) -> Mesh | None:
         return None
 
 
+def meshed_blocks(body: Body, elements: int, device: Device) -> Mesh:
+    """Mesh a body by blocks of about so many hexes."""
+    meshing, sampling = Meshing("blocks", elements=elements), Sampling(LAW)
+    choice = choose(body, meshing, Shaping(), sampling, "z", device)
+    return mesh_body(body, choice, meshing, sampling, device, Clock()).mesh
+
+
 def rows(folder: Path, device: Device, only: str = "") -> Iterator[str]:
     """Rows of the table: mass of a mesh over that of the body, less 1, by each mapping; of bodies so called."""
     yield "| body | mass, g | method, elements | volume | " + " | ".join(head for head, *_ in COLUMNS) + " |"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpubspline.ct.image import read_volume
 from gpubspline.ct.volume import Volume
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.material.calibration_file import read_calibration
 from gpubspline.material.registry import law
 
@@ -187,3 +187,16 @@ def test_what_is_not_in_the_scan(tmp_path: Path) -> None:
         read_calibration(write(tmp_path, same)).carry_out(volume)
     with pytest.raises(InputError, match="a peak of fat between -180 and -20 HU"):
         read_calibration(write(tmp_path, TISSUES)).carry_out(volume)
+
+
+def test_what_no_scan_or_bone_has_is_asked_about(tmp_path: Path) -> None:
+    """Rods in another order than they were written down, and a line in mg/cm3."""
+    volume, _ = scan()
+    swapped = by_places().replace("density_g_cm3 = 0.1\n", "density_g_cm3 = 0.3\n")
+    with pytest.warns(GpubsplineWarning, match=r"rod 3 .* denser than rod 4 \(0.3 and 0.2 g/cm3\) .* are they swapped"):
+        read_calibration(write(tmp_path, swapped)).carry_out(volume)
+    line = "slope_g_cm3_per_hu = {}\nintercept_g_cm3 = {}"
+    for slope, intercept in ((0.8, -5.0), (0.00001, 0.0)):
+        with pytest.warns(GpubsplineWarning, match=r"gives 1,000 HU .* g/cm3, which is no bone's QCT density"):
+            read_calibration(write(tmp_path, line.format(slope, intercept))).carry_out(None)
+    read_calibration(write(tmp_path, line.format(0.0008, -0.005))).carry_out(None)  # warnings are errors here

@@ -4,7 +4,9 @@ Rods and tissues give a line by least squares of density on HU; what each is off
 calibration is read by ``calibration_file.py``.
 """
 
+import warnings
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from scipy import ndimage
 
 from gpubspline.ct.masks import read_mask
 from gpubspline.ct.volume import Volume
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.material.density import DensityRelation, Step
 
 RADIUS_MM = 3.0
@@ -54,6 +56,10 @@ class Reference:
     def residual_g_cm3(self) -> float:
         """Fitted less known density."""
         return self.fitted_g_cm3 - self.density_g_cm3
+
+
+PLAUSIBLE_G_CM3 = (0.3, 3.0)
+"""Density at 1,000 HU that is not asked about: of scanners and phantoms about 0.7 to 0.9 by QCT, and 1.2 apparent."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,7 @@ class Calibration:
         a density that rises with HU.
         """
         if self.relation is not None:
+            _ask_about_units(self.relation)
             return Calibrated(self.relation, self.method)
         if volume is None:
             raise InputError(f"expected the CT to find the {self.method} of the calibration in, got a model alone")
@@ -132,7 +139,10 @@ class Calibration:
         unconfirmed: tuple[str, ...] = ()
         if any("density_g_cm3" not in table for _, table in self.tissues):
             unconfirmed = (_TISSUES_UNCONFIRMED,)
-        return _fitted(found, self.kind, self.method, self.source, unconfirmed)
+        _ask_about_order(found)
+        made = _fitted(found, self.kind, self.method, self.source, unconfirmed)
+        _ask_about_units(made.relation)
+        return made
 
     def _rods(self, volume: Volume) -> list[Reference]:
         found = []
@@ -214,6 +224,31 @@ def _fitted(found: list[Reference], kind: str, method: str, source: str, unconfi
         for each in found
     )
     return Calibrated(relation, method, references)
+
+
+def _ask_about_order(found: list[Reference]) -> None:
+    """Warn of references that are denser than others and have lower HU: they are swapped, or one is not what it is."""
+    ordered = sorted(found, key=lambda each: (each.density_g_cm3, each.hu))
+    for light, dense in pairwise(ordered):
+        if dense.density_g_cm3 > light.density_g_cm3 and dense.hu < light.hu:
+            warnings.warn(
+                f"{dense.name} of the calibration is denser than {light.name} ({dense.density_g_cm3:g} and "
+                f"{light.density_g_cm3:g} g/cm3) but has lower HU ({dense.hu:.0f}, {light.hu:.0f}): are they swapped?",
+                GpubsplineWarning,
+                stacklevel=2,
+            )
+
+
+def _ask_about_units(relation: DensityRelation) -> None:
+    """Warn of a density at 1,000 HU that no bone has: calibrations are given in mg/cm3, too."""
+    density = relation.density_g_cm3(1000.0)
+    if not PLAUSIBLE_G_CM3[0] <= density <= PLAUSIBLE_G_CM3[1]:
+        warnings.warn(
+            f"the calibration gives 1,000 HU {density:.4g} g/cm3, which is no bone's {relation.kind} density: is it in "
+            "mg/cm3?",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
 
 
 def _shown(centre_mm: tuple[float, ...]) -> str:
