@@ -9,16 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpubspline.analysis.load_case import load_case
+from gpubspline.analysis.load_case import load_case, read_load_case
 from gpubspline.analysis.response import respond
 from gpubspline.clock import Clock
 from gpubspline.ct.phantom import phantom
-from gpubspline.ct.region import region_from_threshold
+from gpubspline.ct.region import Region, region_from_threshold
 from gpubspline.device import open_device
 from gpubspline.export import read_mesh, write
 from gpubspline.export.modulus_bins import element_means
 from gpubspline.material.mapping import apply_material
 from gpubspline.mesh import structure
+from gpubspline.mesh.blocks.curved import curve
+from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.sample import sample
@@ -162,6 +164,46 @@ def test_a_load_case_moves_the_deck_as_it_moves_our_own_mesh(element_type, units
     found, figures = displacement(mesh, tmp_path, load=all_loads, units=units)
     scale = 1e3 if units == "m-N-Pa" else 1.0
     assert difference(scale * found, ours.solution.displacement_mm) < 2e-6
+    np.testing.assert_allclose(figures["load"]["total_n"], ours.loads.applied_n, rtol=1e-12)
+
+
+RING_LOADS = """
+[regions.upper]
+cap = { towards = [0, 0, 1], depth_mm = 2 }
+[regions.lower]
+cap = { towards = [0, 0, -1], depth_mm = 2 }
+[regions.ball]
+sphere = { centre_mm = [17, 0, 0], radius_mm = 6 }
+[[fixed]]
+region = "lower"
+[[force]]
+region = "upper"
+force_n = [10, -20, -300]
+[[pressure]]
+region = "ball"
+pressure_mpa = 0.3
+[gravity]
+acceleration_mm_s2 = [0, 981, -9810]
+"""
+
+
+@pytest.mark.parametrize("element_type", ["hex8", "hex20"])
+def test_a_load_file_moves_the_deck_of_blocks_as_our_own_mesh(element_type, tmp_path):
+    """Blocks of a ring, straight and curved on to its surface: no structure, and regions found by place alone."""
+    lines = [np.arange(-20.0, 21.0), np.arange(-20.0, 21.0), np.arange(-9.0, 10.0)]
+    x, y, z = np.meshgrid(*lines, indexing="ij")
+    inside = (np.hypot(np.hypot(x, y) - 12, z) - 5).transpose(2, 1, 0).astype(np.float32)
+    affine = np.eye(4)
+    affine[:3, 3] = [line[0] for line in lines]
+    device = open_device("opencl")
+    made = blocks_mesh(Region(inside < 0, inside, affine), 3.0, device=device)
+    mesh = made.mesh if element_type == "hex8" else curve(made, device=device).sample(1, "hex20")
+    ones = np.ones(mesh.n_nodes)
+    mesh = mesh.with_fields({"HU": 900 * ones, "E_MPa": 700 * ones, "nu": 0.3 * ones, "density_g_cm3": 1.1 * ones})
+    case = read_load_case(RING_LOADS, "ring.toml")
+    ours = respond(mesh, case, open_device("opencl", "float64"), Clock(), tolerance=1e-10)
+    found, figures = displacement(mesh, tmp_path, load=case)
+    assert difference(found, ours.solution.displacement_mm) < 2e-6
     np.testing.assert_allclose(figures["load"]["total_n"], ours.loads.applied_n, rtol=1e-12)
 
 
