@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from gpubspline.mesh.sample import sample as sample
     from gpubspline.mesh.validity import certify as certify
     from gpubspline.report.histogram import write_histogram as write_histogram
+    from gpubspline.report.load_picture import write_load_picture as write_load_picture
     from gpubspline.report.page import Account as Account
     from gpubspline.report.page import write_report as write_report
     from gpubspline.report.picture import write_picture as write_picture
@@ -121,6 +122,7 @@ _HOME = {
     "mesh.validity": ("certify",),
     "report.histogram": ("write_histogram",),
     "report.page": ("Account", "write_report"),
+    "report.load_picture": ("write_load_picture",),
     "report.picture": ("write_picture",),
     "spline.fit": ("fit",),
     "spline.hyperpatch": ("Hyperpatch", "bezier", "hyperpatch"),
