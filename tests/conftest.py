@@ -54,7 +54,8 @@ def _poison(device: Any) -> None:
         if device.backend == "warp" and buffer.size:
             buffer.flat.fill_(value.item())
         elif device.backend == "opencl":
-            pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, value, 0, buffer.memory.size)
+            filled = pyopencl.enqueue_fill_buffer(device._queue, buffer.memory, value, 0, buffer.memory.size)
+            filled.wait()  # large buffers are mapped already: the host writes to them at once
         return buffer
 
     if device.backend == "opencl":
