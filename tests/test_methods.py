@@ -331,9 +331,18 @@ def test_the_number_of_blocks_is_foretold(device):
     clock.tell = told.append
     meshed = mesh_body(body, Choice("blocks", ""), Meshing("blocks", 1.8), Sampling(law()), device, clock)
     count = int(told[0].split()[1].replace(",", ""))
+    assert told[1] == f"{meshed.mesh.n_elements:,} hexes, place 1 of at most 6"
     assert count == pytest.approx(meshed.mesh.n_elements, rel=0.4) and told[0].endswith(" s")
     with pytest.warns(GpubsplineWarning, match=r"minutes; --size \d.* gives about 50,000"):
         foretell(body.region, 0.2, clock)
+
+
+def test_walls_are_warned_of_before_the_work():
+    """Half of a shell of two voxels is as thin: hexes of its size are foretold to be more than fit in, smaller not."""
+    body = body_of(lambda x, y, z: np.abs(np.sqrt(x**2 + y**2 + z**2) - 14) - 1, spacing=1.0)
+    with pytest.warns(GpubsplineWarning, match=r"half .* less than [12]\.?\d* mm thick, .* take about [3-9]\.\d times"):
+        foretell(body.region, 3.0, Clock())
+    foretell(body.region, 1.0, Clock())
 
 
 @pytest.mark.parametrize("element", ["hex20", "hex27"])

@@ -25,6 +25,9 @@ SECONDS_PER_HEX = 1.5e-4
 LONG_S, FEWER = 90.0, 50_000
 """Time from which it is said before the work, and the hexes that are offered instead."""
 
+THIN, HALF = 1.3, 0.5
+"""Thickness, in elements, below which half of a region has nothing but walls: none of its hexes lies well inside."""
+
 BODY_OFF, LISTED = 0.02, 12
 """Relative difference of a label's volume from which is warned, and the most labels that are named."""
 
@@ -130,6 +133,21 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
         warnings.warn(
             f"about {elements:,.0f} hexes of {size_mm:.3g} mm take some {seconds / 60:.0f} minutes; "
             f"--size {size_of(region, FEWER):.3g} gives about {FEWER:,}",
+            GpubsplineWarning,
+            stacklevel=2,
+        )
+    warn_of_walls(region, size_mm)
+
+
+def warn_of_walls(region: Region, size_mm: float) -> None:
+    """Warn before the work where half of a region is walls as thin as an element: hexes are more, and slower."""
+    thick, times = thinnest(region)[0].least(HALF), about_elements(region, size_mm) * size_mm**3 / region.volume_mm3
+    if thick < THIN * size_mm:
+        warnings.warn(
+            f"half of the region is less than {thick:.2g} mm thick, where two elements need {ACROSS * size_mm:.3g}: "
+            f"its walls take about {times:.1f} times the hexes that fit in, each far longer than in a thick body; "
+            f"--size {thick / ACROSS:.2g} follows them, --fill volume, another --threshold or a mask makes them "
+            "thicker, --elements sets how many there are",
             GpubsplineWarning,
             stacklevel=2,
         )

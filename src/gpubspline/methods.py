@@ -229,7 +229,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         raise InputError(f"expected hex8 with --refine, got {element}, whose curved edges follow the surface already")
     foretell(body.region, size, clock)
     parts, numbers = _parts(body, meshing)
-    made = _counted(body.region, size, parts, meshing, device)
+    made = _counted(body.region, size, parts, meshing, device, clock)
     size = made.report.size_mm
     refuse_remnant(made, body.region)
     made = refine(made, meshing.refine, device=device)
@@ -283,12 +283,15 @@ def _parts(body: Body, meshing: Meshing) -> tuple[dict[str, Region], dict[str, i
     return parts_of(body.region, body.volume, body.labels, body.whole)
 
 
-def _counted(region: Region, size_mm: float, parts: Mapping[str, Region], meshing: Meshing, device: Device) -> Blocks:
+def _counted(
+    region: Region, size_mm: float, parts: Mapping[str, Region], meshing: Meshing, device: Device, clock: Clock
+) -> Blocks:
     """Mesh by blocks; once more where the place taken has another number of hexes than was asked for.
 
     Hexes are counted in one place of the lattice before they are made: those of thin walls differ from place to place.
     """
-    make = partial(blocks_mesh, region, parts=parts, allow_inverted=meshing.allow_inverted, device=device)
+    inverted = meshing.allow_inverted
+    make = partial(blocks_mesh, region, parts=parts, allow_inverted=inverted, device=device, tell=clock.tell)
     made, asked = make(size_mm), meshing.elements
     if asked is None or abs(made.mesh.n_elements / asked - 1) <= MOST_OFF_COUNT:
         return made

@@ -1,6 +1,6 @@
 """All-hexahedral meshes of any topology by threshold or mask: ``method="blocks"``."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -48,6 +48,7 @@ def blocks_mesh(
     rotation: NDArray[np.float64] | None = None,
     effort: Effort | None = None,
     allow_inverted: bool = False,
+    tell: Callable[[str], None] | None = None,
 ) -> Blocks:
     """Mesh a region of any topology with hexes of about one size, none inverted.
 
@@ -69,6 +70,7 @@ def blocks_mesh(
     rotation: (3, 3), columns are the lattice's axes, from which attempts turn it; None takes the patient's.
     effort: what is done to improve the hexes.
     allow_inverted: take the best mesh even where it has inverted hexes.
+    tell: is told which attempt is on and how many hexes it has, before they are made.
 
     Returns
     -------
@@ -92,6 +94,8 @@ def blocks_mesh(
         if best is not None and laid.wrong > best[0].wrong and not _is_poor(best[1]):
             tried.append(Attempt(laid.place, laid.elements, None, laid.core.euler["mesh"]))
             continue
+        if tell is not None:
+            tell(f"{laid.elements:,} hexes, place {len(tried) + 1} of at most {attempts}")
         try:
             made = grow(laid.level, laid.core, device, effort, laid.within, allow_inverted=allow_inverted)
         except MeshError as error:
