@@ -10,6 +10,7 @@ from gpubspline.device import Device
 from gpubspline.material.registry import law
 from gpubspline.pipeline import fit_patch, sample_patch
 from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
+from gpubspline.reproduce.paper import THRESHOLD_HU
 
 
 @pytest.fixture(scope="session")
@@ -26,7 +27,8 @@ def model(folder: Path, device: Device, nodes: tuple[int, ...], **source: int) -
     limits = {"child-femur": 34, "adult-femur": 97, "head": 55}
     solid = len(nodes) == 3 and nodes[0] <= 20 and nodes[2] <= limits[folder.name]
     shaping = Shaping(control=nodes if solid else None)
-    fitted = fit_patch(Source(folder, **source), shaping, device, Clock())
+    threshold = THRESHOLD_HU.get(folder.name)
+    fitted = fit_patch(Source(folder, threshold_hu=threshold, **source), shaping, device, Clock())
     return fitted, sample_patch(fitted.fit.patch, Sampling(law(), nodes), device, Clock())
 
 

@@ -232,6 +232,7 @@ def test_bad_options_are_one_line_and_write_nothing(run: Command, pulled: list[P
     mesh = bar()
     for words, message in [
         (["solve", *given[1:3], "jump", *given[4:]], "expected a load case of stance, or a .toml file, got 'jump'"),
+        ([*given[:5], tmp_path / "o.inp", *given[6:]], "a file that holds displacement and stress, such as .vtu"),
         ([*given, "--formulation", "reduced"], "full, incompatible, bbar, got 'reduced'"),
         ([*given, "--modulus", "mean"], "'mean'"),
         ([*given, "--tolerance", "0"], "positive tolerance"),

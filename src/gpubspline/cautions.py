@@ -141,6 +141,8 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
 
 def warn_of_walls(region: Region, size_mm: float) -> None:
     """Warn before the work where half of a region is walls as thin as an element: hexes are more, and slower."""
+    if region.volume_mm3 < size_mm**3:  # which blocks refuse
+        return
     thick, times = thinnest(region)[0].least(HALF), about_elements(region, size_mm) * size_mm**3 / region.volume_mm3
     if thick < THIN * size_mm:
         warnings.warn(

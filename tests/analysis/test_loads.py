@@ -7,7 +7,7 @@ from gpubspline.analysis.load_case import AXES, Force, LoadCase, Pressure, Suppo
 from gpubspline.analysis.loads import assemble, load_case, load_cases, patient_axes
 from gpubspline.analysis.regions import Box, Cap, HalfSpace, Patch, Region, Side, Sphere, width_mm
 from gpubspline.ct.femur import ADULT, CHILD, femur
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -190,6 +190,13 @@ def test_regions_of_a_ball_have_the_areas_of_caps(counts):
         assert applied.area_mm2 == pytest.approx(2 * np.pi * r * 4, rel=0.02 if counts[0] > 9 else 0.06), name
         on_axis = centre + (r - 2) * towards  # Archimedes: the height of a cap's area is even
         np.testing.assert_allclose(applied.centre_mm, on_axis, atol=0.1 if counts[0] > 9 else 0.4, err_msg=name)
+
+
+def test_a_patch_far_outside_the_mesh_is_asked_about():
+    mesh = box("hex8", (7, 7, 7), ball)  # of radius 20 about (5, -3, 40)
+    with pytest.warns(GpubsplineWarning, match=r"point of the region 'r' lies 47 mm outside the mesh's box, LPS"):
+        made = loaded(mesh, Force(Region("r", (Patch((5, -70, 40), area_mm2=100),)), (0, 0, -1)))
+    assert made.report[-1].centre_mm[1] < -20  # the nearest there is
 
 
 def test_parts_of_a_region_hold_together_and_a_normal_chooses():

@@ -205,3 +205,8 @@ def test_what_a_deck_has_no_card_for_is_warned_of(femur, tmp_path):
     with pytest.warns(GpubsplineWarning, match=r"\.su2 holds no set some elements: left out"):
         write(replace(femur, fields={}, cell_fields={}), tmp_path / "a.su2")
     write(femur, tmp_path / "a.bdf")
+    pulled = femur.with_fields({"force_n_x": femur.fields["HU"]})  # of a load case, which a deck's own is instead
+    case = read_load_case('[[fixed]]\nregion="w0"\n[[force]]\nregion="w1"\nforce_n=[1,0,0]', "pulled")
+    write(pulled, tmp_path / "b.bdf", load=case)
+    with pytest.warns(GpubsplineWarning, match=r"\.bdf holds no field force_n_x: left out"):
+        write(pulled, tmp_path / "b.bdf")

@@ -4,6 +4,7 @@ A region is asked at sample points of the surface, so that it cuts through faces
 and hardly on the mesh. Points are in patient mm (LPS); directions follow the axes of the load case.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.errors import InputError
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.elements import ELEMENTS, Element
 from gpubspline.mesh.mesh import Mesh
 
@@ -27,6 +28,10 @@ _SAMPLES, _MOST_PARTS = 1_000_000, 8
 """Faces are cut into parts along either parameter, each with its Gauss points, for about so many samples in all: the
 edge of a region then lies as exactly on a mesh of few faces as on one of many.
 """
+
+
+FAR_MM = 10.0
+"""Outside a mesh's box, from which the point of a patch is asked about: other axes, or another patient's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,16 +135,26 @@ class Region:
 
         Raises
         ------
-        InputError, which names the region, where none does.
+        InputError, which names the region, where none does. The point of a patch that lies far from the body is warned
+        of.
         """
         inside = np.ones((len(surface.faces), len(surface.at)), dtype=np.bool_)
         for part in self.parts:
             inside &= part.holds(surface)
+            if isinstance(part, Patch):
+                self._warn_of_far(part, surface)
         if not inside.any():
             raise InputError(
                 f"expected the region {self.name!r} to catch a part of the surface, got none: {_place(surface)}"
             )
         return inside
+
+    def _warn_of_far(self, patch: "Patch", surface: Surface) -> None:
+        points, point = surface.mesh.points, np.array(patch.point_mm)
+        away = float(np.linalg.norm(point - np.clip(point, points.min(axis=0), points.max(axis=0))))
+        if away > FAR_MM:
+            words = f"the point of the region {self.name!r} lies {away:.0f} mm outside the mesh's box, LPS: "
+            warnings.warn(words + _place(surface), GpubsplineWarning, stacklevel=2)
 
 
 def _place(surface: Surface) -> str:

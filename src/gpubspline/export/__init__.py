@@ -71,6 +71,12 @@ def check_extension(path: str | Path) -> None:
     find_format(path)
 
 
+def check_holds_fields(path: str | Path) -> None:
+    """Raise ``InputError`` where no format has the extension, or one that holds no results, as a deck's."""
+    if not find_format(path).fields:
+        raise InputError(f"expected a file that holds displacement and stress, such as .vtu, got {Path(path).name!r}")
+
+
 def can_read(path: str | Path) -> bool:
     """Whether ``read_mesh`` knows the extension of ``path``."""
     form = _by_extension().get(Path(path).suffix.lower())
@@ -136,7 +142,7 @@ def write(
     laws = {"": law} if isinstance(law, Law) else dict(law or {})
     asked_for = Wanted(find_units(units), laws, modulus_bins, nodal_modulus, case, thickness_mm, step)
     deck = make_deck(mesh, form, asked_for)
-    _warn_of_lost(mesh, form, known)
+    _warn_of_lost(mesh, form, known, case is not None)
     form.write(deck, path)
     return deck.figures
 
@@ -150,10 +156,11 @@ def _warn_of_units(mesh: Mesh) -> None:
         warnings.warn(f"{words} for mm: export the mesh that it was made from", GpubsplineWarning, stacklevel=3)
 
 
-def _warn_of_lost(mesh: Mesh, form: Format, known: str) -> None:
+def _warn_of_lost(mesh: Mesh, form: Format, known: str, loaded: bool) -> None:
     """Warn of fields that a deck has no card for, and of sets beside the sides where a format has none."""
     if form.binned and not form.fields:
-        lost = [name for name in (*mesh.fields, *mesh.cell_fields) if not _MATERIAL.match(name)]
+        own = (*mesh.fields, *mesh.cell_fields)
+        lost = [name for name in own if not (_MATERIAL.match(name) or (loaded and name.startswith(_LOADS)))]
         if lost:
             warnings.warn(f"{known} holds no field {', '.join(lost)}: left out", GpubsplineWarning, stacklevel=3)
     if not form.sets:
@@ -167,6 +174,9 @@ _MATERIAL = re.compile(
     r"(HU|[EG]\d*_MPa(_\d+)?|nu\d*(_\d+)?|density_g_cm3(_\d+)?|material|law|label|scaled_jacobian|axis[12]_[xyz])$"
 )
 """Fields that a deck's materials or sets stand for, or that are of the mesh itself."""
+
+_LOADS = ("force_n_", "support_", "prescribed_mm_")
+"""Beginnings of the fields that say what acted on a mesh, which the load case of a deck is instead."""
 
 
 def _check_finite(mesh: Mesh) -> None:

@@ -60,6 +60,9 @@ class Figure:
         return f"fig{self.number}"
 
 
+THRESHOLD_HU = {"head": -400.0}
+"""Between air and skin: of a phantom that is meshed with its flesh; bones are found by Otsu's threshold."""
+
 _MODELS = (
     Model("head-slice-fine", "head slice, Fig. 3a", "head", (140, 140), None, 20, 19321, "about 95", "", 0),
     Model("head-slice-coarse", "head slice, Fig. 3b", "head", (40, 70), None, 20, 2691),

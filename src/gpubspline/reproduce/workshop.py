@@ -10,7 +10,7 @@ from gpubspline.device import Device
 from gpubspline.material.registry import law
 from gpubspline.pipeline import fit_patch, sample_patch
 from gpubspline.recipe import Fitted, Model, Sampling, Shaping, Source
-from gpubspline.reproduce.paper import MODELS
+from gpubspline.reproduce.paper import MODELS, THRESHOLD_HU
 
 
 @dataclass(eq=False)
@@ -42,7 +42,12 @@ class Workshop:
         """Give the hyperpatch of a phantom or of one of its slices, by the paper's method."""
         key = (phantom, control, slice_index)
         if key not in self._fitted:
-            source = Source(self.scan(phantom), slice_index=slice_index, partial_volume="none")  # as the paper
+            source = Source(
+                self.scan(phantom),
+                threshold_hu=THRESHOLD_HU.get(phantom),
+                slice_index=slice_index,
+                partial_volume="none",  # as the paper
+            )
             self._fitted[key] = fit_patch(source, Shaping(control=control), self.device, Clock())
         return self._fitted[key]
 

@@ -80,15 +80,17 @@ def finder(
     bins = bin_triangles(surface) if bins is None else bins
     low, high = surface.box
     middle = (low + high) / 2
-    corners = surface.corners[bins.listed] - middle
+    corners = surface.corners - middle
     known = np.full(len(bins.start) - 1, -1, np.int32) if known is None else known
     lists = (device.put(array) for array in (bins.start, bins.listed, known))
-    planes = (device.put(np.ascontiguousarray(array.T)) for array in (corners.reshape(-1, 9), _balls(corners)))
+    of_triangles = (corners.reshape(-1, 9), _balls(corners))
+    planes = (device.put(np.ascontiguousarray(array[bins.listed].T)) for array in of_triangles)
     return Finder(device, middle, bins, *planes, *lists)
 
 
 def _balls(corners: Floats) -> Floats:
     """Centres and radii (n, 4) of balls round triangles (n, 3, 3), larger by more than float32 rounds."""
-    centres = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    centres = np.einsum("nij->nj", corners) / 3
+    away = corners - centres[:, None]
+    radii = np.sqrt(np.einsum("nij,nij->in", away, away).max(axis=0))
     return np.column_stack([centres, radii + ROUNDING * (radii + np.abs(corners).max(initial=0.0))])

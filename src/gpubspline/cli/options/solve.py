@@ -47,9 +47,9 @@ class SolveOptions:
     def case(self, inputs: Sequence[Path]) -> Any:
         """Read the load case; raises InputError, too, where a file could not be written or would replace an input."""
         from gpubspline.analysis.load_case import load_case
-        from gpubspline.export import check_extension
+        from gpubspline.export import check_holds_fields
 
-        check_extension(self.output)
+        check_holds_fields(self.output)
         for path in self.paths:
             check_writable(path)
         check_apart(self.paths, [*inputs, Path(self.load)])

@@ -102,6 +102,15 @@ class Grown:
         return tuple(found)
 
     @cached_property
+    def off(self) -> float:
+        """By what part the volume of a body is off at most: of several, or of the whole where it is one."""
+        if self.volumes:
+            return max(abs(body.off) for body in self.bodies)
+        region, mm3 = self.level.region, self.level.size_mm**3
+        inside = np.count_nonzero(self.level.phi < 0) / SAMPLES**3 if region is None else region.volume_mm3 / mm3
+        return abs(Mesh(self.placed.points, "hex8", connectivity=self.hexes.cells).volume_mm3 / inside - 1)
+
+    @cached_property
     def least_determinant(self) -> float:
         """Part of its mean one below which no hex's Jacobian determinant is known to fall."""
         mesh = Mesh(self.placed.points, "hex8", connectivity=self.hexes.cells)

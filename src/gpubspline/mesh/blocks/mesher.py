@@ -35,7 +35,8 @@ FINER, MOST_LAID = (0.8, 0.65, 0.5), 250_000
 """
 
 MOST_OFF = 0.02
-"""By what part the volume of one of several bodies may be off in a small mesh without another place being tried."""
+"""By what part a body's volume may be off: each time that much is as bad as an element lost, and where it is one of
+several bodies other places are tried."""
 
 
 def blocks_mesh(
@@ -91,7 +92,7 @@ def blocks_mesh(
         if not isinstance(laid, Laid):
             failure = laid
             continue
-        if best is not None and laid.wrong > best[0].wrong and not _is_poor(best[1]):
+        if best is not None and laid.wrong > _wrong(*best) and not _is_poor(best[1]):
             tried.append(Attempt(laid.place, laid.elements, None, laid.core.euler["mesh"]))
             continue
         if tell is not None:
@@ -134,9 +135,14 @@ def size_that_keeps_topology(
     return None
 
 
-def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:
+def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float]:
     """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
-    return not _is_poor(made), -laid.wrong - _lost(made), -(_most_off(made) // MOST_OFF), made.placed.nodes.least
+    return not _is_poor(made), -_wrong(laid, made) - _lost(made), made.placed.nodes.least
+
+
+def _wrong(laid: Laid, made: Grown) -> float:
+    """What the core has otherwise than the region, and how much volume is off."""
+    return laid.wrong + made.off // MOST_OFF
 
 
 def _is_poor(made: Grown) -> bool:
@@ -148,17 +154,13 @@ def _lost(made: Grown) -> float:
     return made.farthest if made.farthest > MOST_LOST else 0.0
 
 
-def _most_off(made: Grown) -> float:
-    """By what part the volume of one of several bodies is off at most."""
-    return max((abs(body.off) for body in made.bodies), default=0.0)
-
-
 def _is_enough(best: Grown, made_hexes: int) -> bool:
     """Whether no other place is tried."""
     if _is_poor(best):
         return made_hexes >= MOST_MENDED and best.placed.nodes.least > 0
-    good = best.placed.nodes.least >= (POOR if best.volumes else GOOD) and _most_off(best) <= MOST_OFF
-    return made_hexes >= MOST_TRIED or (good and not _lost(best))
+    good = best.placed.nodes.least >= (POOR if best.volumes else GOOD)
+    right = not (best.volumes and best.off > MOST_OFF)
+    return made_hexes >= MOST_TRIED or (good and right and not _lost(best))
 
 
 def mesh_level_set(

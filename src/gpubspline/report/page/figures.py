@@ -33,8 +33,9 @@ ELSEWHERE = (
     "regions",
     "alarms",
     "lost_features",
+    "attempts",
 )
-"""Keys that have a section of their own."""
+"""Keys that have a section of their own, and what only the summary tells."""
 
 
 PARTIAL_VOLUME = {"fold": "folded back in", "none": "as it lies"}
