@@ -35,8 +35,11 @@ FINER, MOST_LAID = (0.8, 0.65, 0.5), 250_000
 """
 
 MOST_OFF = 0.02
-"""By what part a body's volume may be off: each time that much is as bad as an element lost, and where it is one of
-several bodies other places are tried."""
+"""By what part a body's volume may be off: of two places that lose as much, the one that is less off is taken, and of
+several bodies others are tried."""
+
+SWOLLEN = 0.05
+"""By what part it may be off before each hundredth more is as bad as an element lost or a place of another topology."""
 
 
 def blocks_mesh(
@@ -135,14 +138,15 @@ def size_that_keeps_topology(
     return None
 
 
-def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float]:
+def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:
     """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
-    return not _is_poor(made), -_wrong(laid, made) - _lost(made), made.placed.nodes.least
+    lost = _wrong(laid, made) + _lost(made)
+    return not _is_poor(made), -lost, -(made.off // MOST_OFF), made.placed.nodes.least
 
 
 def _wrong(laid: Laid, made: Grown) -> float:
     """What the core has otherwise than the region, and how much volume is off."""
-    return laid.wrong + made.off // MOST_OFF
+    return laid.wrong + 100 * max(made.off - SWOLLEN, 0.0)
 
 
 def _is_poor(made: Grown) -> bool:
