@@ -140,16 +140,15 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
 
 
 def warn_of_walls(region: Region, size_mm: float) -> None:
-    """Warn before the work where half of a region is walls as thin as an element: hexes are more, and slower."""
+    """Warn before the work where half of a region is walls as thin as an element: hexes are more."""
     if region.volume_mm3 < size_mm**3:  # which blocks refuse
         return
     thick, times = thinnest(region)[0].least(HALF), about_elements(region, size_mm) * size_mm**3 / region.volume_mm3
     if thick < THIN * size_mm:
         warnings.warn(
             f"half of the region is less than {thick:.2g} mm thick, where two elements need {ACROSS * size_mm:.3g}: "
-            f"its walls take about {times:.1f} times the hexes that fit in, each far longer than in a thick body; "
-            f"--size {thick / ACROSS:.2g} follows them, --fill volume, another --threshold or a mask makes them "
-            "thicker, --elements sets how many there are",
+            f"its walls take about {times:.1f} times the hexes that fit in; --size {thick / ACROSS:.2g} follows them, "
+            "--fill volume, another --threshold or a mask makes them thicker, --elements sets how many there are",
             GpubsplineWarning,
             stacklevel=2,
         )
