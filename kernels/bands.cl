@@ -62,9 +62,9 @@ inline bool spans_are_near(__global const int *span, int degree, int n_out)
     return near;
 }
 
-// The sum of degree + 1 rows of `count` numbers, from `at` on in each, by the weights of one parameter.
+// The sum of degree + 1 rows of `count` numbers, from `at` on in each, by the weights of one parameter, and an origin.
 inline void sum_rows(int degree, __global real *const *rows, size_t at, __global const real *values, int n_all,
-                     int count, __global real *to, bool large)
+                     int count, real origin, __global real *to, bool large)
 {
     real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
     __global const real *r0 = rows[0] + at, *r1 = rows[1] + at, *r2 = rows[2] + at;
@@ -73,13 +73,13 @@ inline void sum_rows(int degree, __global real *const *rows, size_t at, __global
 #define ROW(a) load(r##a, i)
 #define KEPT(p)                               \
     for (; i + LANES <= count; i += LANES)    \
-        store_all(SUM_##p(w, ROW), to, i);
+        store_all(SUM_##p(w, ROW) + origin, to, i);
 #define PAST(p)                               \
-    store(SUM_##p(w, ROW), to, i, count);     \
-    i = -((size_t)to / sizeof(real)) % LANES; \
-    for (; i + LANES <= count; i += LANES)    \
-        stream_all(SUM_##p(w, ROW), to, i);
-#define REST(p) store(SUM_##p(w, ROW), to, i, count - i);
+    store(SUM_##p(w, ROW) + origin, to, i, count); \
+    i = -((size_t)to / sizeof(real)) % LANES;      \
+    for (; i + LANES <= count; i += LANES)         \
+        stream_all(SUM_##p(w, ROW) + origin, to, i);
+#define REST(p) store(SUM_##p(w, ROW) + origin, to, i, count - i);
     if (large)
         FOR_DEGREE(PAST)
     else
@@ -103,12 +103,12 @@ inline void lay_ring(int places, size_t size, __global real *ring, __global real
 // planes of one channel. Rows of control points that are contracted along u, and planes that are contracted along v too,
 // wait for the next pass in rings, which stay in its core's cache. The ring of `n_planes` holds a few beside those of a
 // span: what the first cache has taken of them then makes all parameters of some spans. `scratch` and `vectors` are one
-// memory, `item_size` an item.
+// memory, `item_size` an item. The first three channels are places from (x0, y0, z0).
 ALONE __kernel __attribute__((vec_type_hint(realv)))
 void contract_solid(__global const real *control, int n_channels, int n_u, int n_v, int n_w,
                     __global const int *span, __global const real *values, int degree_u, int out_u, int degree_v,
                     int out_v, int degree_w, int out_w, int band, int part, int n_planes, int item_size,
-                    __global real *scratch, __global real *vectors, __global real *target)
+                    real x0, real y0, real z0, __global real *scratch, __global real *vectors, __global real *target)
 {
 #if LANES > 1
     if (get_global_id(0) > 0)
@@ -117,6 +117,7 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
     int first_j = item % n_bands * band, end_j = min(first_j + band, out_v);
     int first_k = item / n_bands % n_parts * part, end_k = min(first_k + part, out_w);
     size_t channel = item / (n_bands * n_parts);
+    real origin = origin_of(channel, x0, y0, z0), none = -0.0; // adding it leaves every number as it is
     int n_all = out_u + out_v + out_w;
     __global const int *span_v = span + out_u, *span_w = span_v + out_v;
     __global const real *values_v = values + out_u, *values_w = values_v + out_v;
@@ -154,14 +155,14 @@ void contract_solid(__global const real *control, int n_channels, int n_u, int n
                 }
                 __global real *const *from = in_rows + (uint)(span_v[j] - degree_v) % N_ROWS;
                 __global real *to = in_planes[plane % n_planes] + (j - first_j) * out_u;
-                sum_rows(degree_v, from, 0, values_v + j, n_all, row_size, to, false);
+                sum_rows(degree_v, from, 0, values_v + j, n_all, row_size, none, to, false);
             }
         }
         for (int done = 0; done < count; done += CHUNK) {
             for (int at = k; at < end; at++) {
                 __global real *const *from = in_planes + (span_w[at] - degree_w) % n_planes;
                 __global real *to = target + (size_t)at * out_v * out_u + done;
-                sum_rows(degree_w, from, done, values_w + at, n_all, min(count - done, CHUNK), to, large);
+                sum_rows(degree_w, from, done, values_w + at, n_all, min(count - done, CHUNK), origin, to, large);
             }
         }
     }

@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray, fetch
-from gpubspline.kernels.span_sum import weight
+from gpubspline.kernels.span_sum import origin_of, weight
 
 CHUNK = wp.constant(512)  # numbers of a plane that stay in the first cache while some spans are made of them
 
@@ -19,11 +19,12 @@ def sum_rows(
     at: wp.int32,
     n_all: wp.int32,
     count: wp.int32,
+    origin: Any,
     lanes: wp.int32,
     target: LaneArray,
     to: wp.int64,
 ):
-    """The sum of degree + 1 rows of ``count`` numbers by the weights of one parameter."""
+    """The sum of degree + 1 rows of ``count`` numbers by the weights of one parameter, and an origin."""
     w0 = weight(values, 0, degree, at, n_all)
     w1 = weight(values, 1, degree, at, n_all)
     w2 = weight(values, 2, degree, at, n_all)
@@ -41,6 +42,8 @@ def sum_rows(
             total = total + w4 * source[row[4] + i]
         if degree > 4:
             total = total + w5 * source[row[5] + i]
+        for lane in range(len(total)):
+            total[lane] = total[lane] + origin
         target[to + i] = total
 
 
@@ -137,6 +140,9 @@ def contract_solid(
     part: wp.int32,
     n_planes: wp.int32,
     item_size: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
     scratch: wp.array(dtype=Any),
     vectors: LaneArray,
     target: LaneArray,
@@ -149,7 +155,7 @@ def contract_solid(
     ``part`` planes of one channel. Rows of control points that are contracted along u, and planes that are contracted
     along v too, wait for the next pass in rings, which stay in its core's cache. The ring of ``n_planes`` holds a few
     beside those of a span: what the first cache has taken of them then makes all parameters of some spans. ``scratch``
-    and ``vectors`` are one memory, ``item_size`` an item.
+    and ``vectors`` are one memory, ``item_size`` an item. The first three channels are places from (x0, y0, z0).
     """
     tid_item, _none, along = wp.tid()
     if along > 0:
@@ -164,6 +170,8 @@ def contract_solid(
     first_k = n_uv + (item // n_bands % n_parts) * part
     end_k = wp.min(first_k + part, n_all)
     channel = wp.int64(item // (n_bands * n_parts))
+    origin = origin_of(item // (n_bands * n_parts), x0, y0, z0)
+    none = type(origin)(-0.0)  # adding it leaves every number as it is
     count = (end_j - first_j) * out_u
     n_rows = degree_v + lanes
     row_size = ((out_u + lanes - 1) // lanes) * lanes
@@ -202,7 +210,7 @@ def contract_solid(
                     row = row + lanes
                 each = ring_rows(span[j] - degree_v, degree_v, n_rows, row_size, rows)
                 to = planes + wp.int64((plane % n_planes) * plane_size + (j - first_j) * out_u)
-                sum_rows(vectors, each, values, degree_v, j, n_all, out_u, lanes, vectors, to)
+                sum_rows(vectors, each, values, degree_v, j, n_all, out_u, none, lanes, vectors, to)
             plane = plane + 1
         for done in range(0, count, CHUNK):
             size = wp.min(count - done, CHUNK)
@@ -210,5 +218,5 @@ def contract_solid(
                 each = ring_rows(span[at] - degree_w, degree_w, n_planes, plane_size, planes + wp.int64(done))
                 layer = (channel * wp.int64(out_w) + wp.int64(at - n_uv)) * wp.int64(out_v)
                 to = (layer + wp.int64(first_j - out_u)) * wp.int64(out_u) + wp.int64(done)
-                sum_rows(vectors, each, values, degree_w, at, n_all, size, lanes, target, to)
+                sum_rows(vectors, each, values, degree_w, at, n_all, size, origin, lanes, target, to)
         k = end

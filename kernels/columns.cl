@@ -1,5 +1,7 @@
 // A solid patch on a GPU: the passes along v and w in one launch, what is between them in registers.
 
+#include "span_sum.h"
+
 // Neighbours along u that a group writes at once, and tiles of them along v, which read the same control points.
 #define TILE 32
 #define TILE_ROWS 8
@@ -30,7 +32,7 @@ inline real4_ along_v(__global const real *from, int inner, int degree, real8_ v
 // Goes along w; one copy a degree, so that only the sums of its span are kept and added, the oldest first.
 inline void along_w(int degree, __global const real *source, int layer, int inner, int degree_v, real8_ v,
                     __global const int *span, __global const real *values, int n_all, int begin, int end,
-                    __global real *to, int plane, int left)
+                    real origin, __global real *to, int plane, int left)
 {
     real4_ r0 = 0, r1 = 0, r2 = 0, r3 = 0, r4 = 0, r5 = 0;
     int newest = -1;
@@ -57,6 +59,7 @@ inline void along_w(int degree, __global const real *source, int layer, int inne
             node += values[4 * n_all + k] * r4;
         if (degree > 4)
             node += values[5 * n_all + k] * r5;
+        node += origin;
         stream_one(node.s0, to);
         if (left > TILE)
             stream_one(node.s1, to + TILE);
@@ -71,11 +74,12 @@ inline void along_w(int degree, __global const real *source, int layer, int inne
 //
 // Launched over (n_channels * parts, bands * chunks * TILE_ROWS * TILE): a part is `part` planes, a band TILE_ROWS rows, a
 // chunk 4 * TILE of `inner`. A work item goes along w at four places of its chunk, TILE apart; chunks begin where the
-// memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of `source`.
+// memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of `source`. The
+// first three channels are places from (x0, y0, z0).
 GROUP(TILE * TILE_ROWS) __kernel
 void contract_columns(__global const real *restrict source, int n_v, int n_w, int inner,
                       __global const int *restrict span, __global const real *restrict values, int degree_v, int out_v,
-                      int degree_w, int out_w, int part, __global real *restrict target)
+                      int degree_w, int out_w, int part, real x0, real y0, real z0, __global real *restrict target)
 {
     int n_uv = inner + out_v, n_all = n_uv + out_w; // parameters; those of v are behind those of u, those of w behind them
     int item = get_global_id(0), group = get_global_id(1), n_parts = (out_w + part - 1) / part;
@@ -94,14 +98,15 @@ void contract_columns(__global const real *restrict source, int n_v, int n_w, in
     source += ((size_t)channel * n_w * n_v + span[inner + j] - degree_v) * inner + i;
     target += row + i;
     int left = min(inner - i, count * TILE);
+    real origin = origin_of(channel, x0, y0, z0);
     __global const real *values_v = values + inner + j;
     real8_ v = 0;
     v.s0 = values_v[0], v.s1 = values_v[n_all], v.s2 = degree_v > 1 ? values_v[2 * n_all] : 0;
     v.s3 = degree_v > 2 ? values_v[3 * n_all] : 0, v.s4 = degree_v > 3 ? values_v[4 * n_all] : 0;
     v.s5 = degree_v > 4 ? values_v[5 * n_all] : 0;
     span += n_uv, values += n_uv;
-#define ALONG_W(p)                                                                                                     \
-    along_w(p, source, n_v * inner, inner, degree_v, v, span, values, n_all, k, end, target, out_v * inner, left);
+#define ALONG_W(p) \
+    along_w(p, source, n_v * inner, inner, degree_v, v, span, values, n_all, k, end, origin, target, out_v * inner, left);
     switch (degree_w) {
     case 1: ALONG_W(1) break;
     case 2: ALONG_W(2) break;

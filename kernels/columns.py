@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from gpubspline.kernels.lanes import element, stream
-from gpubspline.kernels.span_sum import weight
+from gpubspline.kernels.span_sum import origin_of, weight
 
 TILE = wp.constant(32)  # neighbours along u that a group of threads writes at once
 TILE_ROWS = wp.constant(8)  # such tiles along v, which read the same rows of control points
@@ -48,6 +48,7 @@ def along_w(
     n_all: wp.int32,
     begin: wp.int32,
     end: wp.int32,
+    origin: Any,
     target: wp.array(dtype=Any),
     at: wp.int32,
     plane: wp.int32,
@@ -86,13 +87,13 @@ def along_w(
             node = node + element(values, 4 * n_all + k) * r4
         if degree > 4:
             node = node + element(values, 5 * n_all + k) * r5
-        stream(target, to, node[0])
+        stream(target, to, node[0] + origin)
         if left > TILE:
-            stream(target, to + TILE, node[1])
+            stream(target, to + TILE, node[1] + origin)
         if left > 2 * TILE:
-            stream(target, to + 2 * TILE, node[2])
+            stream(target, to + 2 * TILE, node[2] + origin)
         if left > 3 * TILE:
-            stream(target, to + 3 * TILE, node[3])
+            stream(target, to + 3 * TILE, node[3] + origin)
         to = to + plane
 
 
@@ -109,6 +110,9 @@ def contract_columns(
     degree_w: wp.int32,
     out_w: wp.int32,
     part: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
     target: wp.array(dtype=Any),
     first: wp.int32,
 ):
@@ -117,7 +121,7 @@ def contract_columns(
     Launched over (n_channels * parts, bands * chunks * TILE_ROWS * TILE): a part is ``part`` planes, a band TILE_ROWS
     rows, a chunk 4 * TILE of ``inner``. A work item goes along w at four places of its chunk, TILE apart; chunks begin
     where the memory's blocks do. What lies beyond a row is read and not used, up to 3 * TILE numbers behind the last of
-    ``source``.
+    ``source``. The first three channels are places from (x0, y0, z0).
     """
     tid_group, item = wp.tid()
     n_uv = inner + out_v  # parameters; those of v are behind those of u, those of w behind them
@@ -150,18 +154,19 @@ def contract_columns(
     )
     rows = (channel * n_w * n_v + element(span, inner + j) - degree_v) * inner + i
     layer = n_v * inner
-    plane = out_v * inner
+    step = out_v * inner
     to = row + i
     left = wp.min(inner - i, count * TILE)
     k = n_uv + k
     end = n_uv + end
+    origin = origin_of(channel, x0, y0, z0)
     if degree_w == 1:
-        along_w(1, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
+        along_w(1, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, origin, target, to, step, left)
     if degree_w == 2:
-        along_w(2, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
+        along_w(2, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, origin, target, to, step, left)
     if degree_w == 3:
-        along_w(3, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
+        along_w(3, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, origin, target, to, step, left)
     if degree_w == 4:
-        along_w(4, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
+        along_w(4, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, origin, target, to, step, left)
     if degree_w == 5:
-        along_w(5, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, target, to, plane, left)
+        along_w(5, source, rows, layer, inner, degree_v, v, span, values, n_all, k, end, origin, target, to, step, left)

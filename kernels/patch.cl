@@ -31,11 +31,14 @@ __kernel void contract_rows(__global const real *source, int n_rows, int block, 
 
 // v axis of a surface: source (outer, n_control, inner) -> target (outer, n_out, inner); launched over
 // (outer, n_out / block, inner), each work item taking its part of `block` planes, whose sources it finds in its cache.
+// The first three of outer are places from (x0, y0, z0).
 __kernel __attribute__((vec_type_hint(realv)))
 void contract(__global const real *source, int n_control, int inner, __global const int *span,
-              __global const real *values, int degree, int n_out, int block, __global real *target)
+              __global const real *values, int degree, int n_out, int block, real x0, real y0, real z0,
+              __global real *target)
 {
     size_t outer = get_global_id(2);
+    real origin = origin_of(outer, x0, y0, z0);
     int first = get_global_id(1) * block, end = min(first + block, n_out);
     int n_all = inner + n_out;
     span += inner, values += inner + first; // behind what is of u
@@ -45,8 +48,8 @@ void contract(__global const real *source, int n_control, int inner, __global co
         __global real *to = target + (outer * n_out + out) * inner;
         real w0 = WEIGHT(0), w1 = WEIGHT(1), w2 = WEIGHT(2), w3 = WEIGHT(3), w4 = WEIGHT(4), w5 = WEIGHT(5);
 #define PLANE(a) load(from, i + (size_t)a * inner)
-#define CACHED(p) FOR_LANES(i, inner) store(SUM_##p(w, PLANE), to, i, inner - i);
-#define STREAMED(p) FOR_LANES(i, inner) stream(SUM_##p(w, PLANE), to, i, inner - i);
+#define CACHED(p) FOR_LANES(i, inner) store(SUM_##p(w, PLANE) + origin, to, i, inner - i);
+#define STREAMED(p) FOR_LANES(i, inner) stream(SUM_##p(w, PLANE) + origin, to, i, inner - i);
         if (large)
             FOR_DEGREE(STREAMED)
         else
@@ -54,10 +57,11 @@ void contract(__global const real *source, int n_control, int inner, __global co
     }
 }
 
-// Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes.
+// Scattered points: control (n_channels, n_w, n_v, n_u) planes, whose first three are places from (x0, y0, z0), out
+// (n_channels, n) planes.
 __kernel void evaluate_points(__global const real *control, int n_channels, int n_u, int n_v, int n_w, int degree_u,
                               int degree_v, int degree_w, __global const int *span, __global const real *values, int n,
-                              __global real *out)
+                              real x0, real y0, real z0, __global real *out)
 {
     int i = get_global_id(0);
     if (i >= n)
@@ -77,16 +81,19 @@ __kernel void evaluate_points(__global const real *control, int n_channels, int 
         }
         sum += values[(size_t)(3 * c + 2) * n] * sum_v;
     }
-    out[channel * n + i] = sum;
+    out[channel * n + i] = sum + origin_of(channel, x0, y0, z0);
 }
 
-// NURBS: divides each of n_channels planes of n values by the weight plane that follows them.
-__kernel void divide_by_weight(__global real *planes, int n_channels, int n)
+// NURBS: divides each of n_channels planes of n values, the first three places from (x0, y0, z0), by the weight plane that
+// follows them.
+__kernel void divide_by_weight(__global real *planes, int n_channels, int n, real x0, real y0, real z0)
 {
     int i = get_global_id(0);
     if (i >= n)
         return;
     real inverse = 1 / planes[(size_t)n_channels * n + i];
-    for (int channel = 0; channel < n_channels; channel++)
-        planes[(size_t)channel * n + i] *= inverse;
+    for (int channel = 0; channel < n_channels; channel++) {
+        __global real *value = planes + (size_t)channel * n + i;
+        *value = *value * inverse + origin_of(channel, x0, y0, z0);
+    }
 }

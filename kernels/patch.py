@@ -10,6 +10,7 @@ from typing import Any
 import warp as wp
 
 from gpubspline.kernels.lanes import LaneArray
+from gpubspline.kernels.span_sum import origin_of
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -50,16 +51,21 @@ def contract(
     degree: wp.int32,
     n_out: wp.int32,
     block: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
     target: LaneArray,
     first: wp.int32,
     lanes: wp.int32,
 ):
     """v axis of a surface: source (outer, n_control, inner) -> target (outer, n_out, inner).
 
-    Launched over (outer, n_out / block, inner), each work item taking its part of ``block`` planes.
+    Launched over (outer, n_out / block, inner), each work item taking its part of ``block`` planes. The first three of
+    outer are places from (x0, y0, z0).
     """
     tid_outer, group, item = wp.tid()
     outer = wp.int64(tid_outer + first)
+    origin = origin_of(tid_outer + first, x0, y0, z0)
     step = wp.int64(inner)
     i = wp.int64(wp.min(item * lanes, inner - lanes))
     for out in range(group * block, wp.min((group + 1) * block, n_out)):
@@ -68,6 +74,8 @@ def contract(
         total = values[at] * source[start]
         for a in range(1, degree + 1):
             total = total + values[a * (inner + n_out) + at] * source[start + wp.int64(a) * step]
+        for lane in range(len(total)):
+            total[lane] = total[lane] + origin
         target[(outer * wp.int64(n_out) + wp.int64(out)) * step + i] = total
 
 
@@ -84,10 +92,16 @@ def evaluate_points(
     span: wp.array(dtype=wp.int32),
     values: wp.array(dtype=Any),
     n: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
     out: wp.array(dtype=Any),
     first: wp.int32,
 ):
-    """Scattered points: control (n_channels, n_w, n_v, n_u) planes, out (n_channels, n) planes."""
+    """Scattered points: control (n_channels, n_w, n_v, n_u) planes, whose first three are places from (x0, y0, z0).
+
+    out: (n_channels, n) planes.
+    """
     tid_channel, i = wp.tid()
     channel = tid_channel + first
     at_u = span[i] - degree_u
@@ -103,15 +117,26 @@ def evaluate_points(
                 total_u = total_u + values[3 * a * n + i] * control[start + a]
             total_v = total_v + values[(3 * b + 1) * n + i] * total_u
         total = total + values[(3 * c + 2) * n + i] * total_v
-    out[wp.int64(channel) * wp.int64(n) + wp.int64(i)] = total
+    out[wp.int64(channel) * wp.int64(n) + wp.int64(i)] = total + origin_of(channel, x0, y0, z0)
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def divide_by_weight(planes: wp.array(dtype=Any), n_channels: wp.int32, n: wp.int32, first: wp.int32):
-    """NURBS: divide each of n_channels planes of n values by the weight plane that follows them."""
+def divide_by_weight(
+    planes: wp.array(dtype=Any),
+    n_channels: wp.int32,
+    n: wp.int32,
+    x0: Any,
+    y0: Any,
+    z0: Any,
+    first: wp.int32,
+):
+    """NURBS: divide each of n_channels planes of n values by the weight plane that follows them.
+
+    The first three are places from (x0, y0, z0).
+    """
     i = wp.int64(wp.tid() + first)
     count = wp.int64(n)
     inverse = planes.dtype(1.0) / planes[wp.int64(n_channels) * count + i]
     for channel in range(n_channels):
         at = wp.int64(channel) * count + i
-        planes[at] = planes[at] * inverse
+        planes[at] = planes[at] * inverse + origin_of(channel, x0, y0, z0)

@@ -7,6 +7,12 @@
 #define SUM_4(w, term) (SUM_3(w, term) + w##4 * term(4))
 #define SUM_5(w, term) (SUM_4(w, term) + w##5 * term(5))
 
+// What is added to the sums of a channel: those of x, y and z, the first three, are from an origin.
+inline real origin_of(int channel, real x, real y, real z)
+{
+    return channel == 0 ? x : channel == 1 ? y : channel == 2 ? z : 0;
+}
+
 // Calls what is defined for each degree by its number.
 #define FOR_DEGREE(call)       \
     switch (degree) {          \

@@ -36,6 +36,12 @@ class Direction(NamedTuple):
 
 NO_DIRECTION = Direction(np.array([0.0, 1.0]), 0, np.empty(0))
 
+Origin = tuple[float, float, float]
+"""x, y, z that are added to the first three channels when the sums are made, each once: float32 has digits to spare
+where places are from the middle of a patch, not at the scanner's."""
+
+NO_ORIGIN = (0.0, 0.0, 0.0)
+
 
 def _bases(device: Device, directions: Sequence[Direction]) -> tuple[Buffer, Buffer]:
     """Spans (N,) and values (degree + 1, N) of the N parameters of all directions, one after another."""
@@ -49,7 +55,7 @@ def _bases(device: Device, directions: Sequence[Direction]) -> tuple[Buffer, Buf
 
 
 def contract_grid(
-    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction]
+    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction], origin: Origin = NO_ORIGIN
 ) -> tuple[Buffer, int]:
     """Evaluate a grid one direction at a time, u first; the last pass writes each node once.
 
@@ -58,6 +64,7 @@ def contract_grid(
     control: (K, [n_w,] n_v, n_u) planes on the device.
     shape: (n_u, n_v[, n_w], K).
     directions: u, v and, of a solid, w.
+    origin: what the first three channels are from.
 
     Returns
     -------
@@ -66,16 +73,16 @@ def contract_grid(
     span, values = _bases(device, directions)
     counts, degrees = [len(way.parameters) for way in directions], [way.degree for way in directions]
     if len(directions) == 3 and device.cores:
-        return _contract_solid(device, control, shape, span, values, degrees, counts)
+        return _contract_solid(device, control, shape, span, values, degrees, counts, origin)
     inner, rows = counts[0], prod(shape[1:])
     source = device.empty(rows * inner + (TILE_PLACES - 1) * TILE)  # columns read past the last row
     rows_of = (control, rows, ROW_BLOCK, shape[0], span, values, sum(counts), degrees[0], inner, source)
     device.launch("patch.contract_rows", (-(-rows // ROW_BLOCK), inner), *rows_of)
     if len(directions) == 3:
-        return _contract_columns(device, source, shape, span, values, degrees, counts)
+        return _contract_columns(device, source, shape, span, values, degrees, counts, origin)
     n_channels, count = shape[2], counts[1]
     target = device.empty((n_channels, count * inner))
-    arguments = (source, shape[1], inner, span, values, degrees[1], count, PLANE_BLOCK, target)
+    arguments = (source, shape[1], inner, span, values, degrees[1], count, PLANE_BLOCK, *origin, target)
     device.launch("patch.contract", (n_channels, -(-count // PLANE_BLOCK), inner), *arguments)
     return target, count * inner
 
@@ -88,6 +95,7 @@ def _contract_columns(
     values: Buffer,
     degrees: list[int],
     counts: list[int],
+    origin: Origin,
 ) -> tuple[Buffer, int]:
     """The second and third direction at once on a GPU, so that what is between them is never written."""
     (_, n_v, n_w, n_channels), (inner, out_v, out_w), (_, degree_v, degree_w) = shape, counts, degrees
@@ -95,7 +103,7 @@ def _contract_columns(
     target, planes = device.empty((n_channels, count)), COLUMN_PLANES[count >= LARGE_GRID]
     chunks = -(-(inner + TILE - 1) // (TILE_PLACES * TILE))
     items = (n_channels * -(-out_w // planes), -(-out_v // TILE_ROWS) * chunks * TILE_ROWS * TILE)
-    arguments = (source, n_v, n_w, inner, span, values, degree_v, out_v, degree_w, out_w, planes, target)
+    arguments = (source, n_v, n_w, inner, span, values, degree_v, out_v, degree_w, out_w, planes, *origin, target)
     device.launch("columns.contract_columns", items, *arguments)
     return target, count
 
@@ -108,6 +116,7 @@ def _contract_solid(
     values: Buffer,
     degrees: list[int],
     counts: list[int],
+    origin: Origin,
 ) -> tuple[Buffer, int]:
     """All passes at once, band by band, so that what is between them never leaves a core's cache."""
     n_u, n_v, n_w, n_channels = shape
@@ -125,8 +134,8 @@ def _contract_solid(
     item_size = -(-item_size // MOST_LANES) * MOST_LANES
     scratch, target = device.empty((items, item_size)), device.empty((n_channels, prod(counts)))
     each = (span, values, *chain(*zip(degrees, counts, strict=True)))
-    arguments = (control, n_channels, n_u, n_v, n_w, *each, band, part, n_planes, item_size, scratch, scratch, target)
-    device.launch("bands.contract_solid", (items, 1, counts[0]), *arguments)
+    over = (band, part, n_planes, item_size, *origin, scratch, scratch, target)
+    device.launch("bands.contract_solid", (items, 1, counts[0]), control, n_channels, n_u, n_v, n_w, *each, *over)
     return target, prod(counts)
 
 
@@ -153,7 +162,7 @@ def _evenly(total: int, most: int) -> int:
 
 
 def contract_points(
-    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction]
+    device: Device, control: Buffer, shape: tuple[int, ...], directions: Sequence[Direction], origin: Origin = NO_ORIGIN
 ) -> tuple[Buffer, int]:
     """Evaluate scattered points; arguments and result as of ``contract_grid``.
 
@@ -165,6 +174,7 @@ def contract_points(
         shape = (*shape[:2], 1, shape[2])
     span, values = _bases(device, directions)
     target = device.empty((shape[3], count))
-    arguments = (control, shape[3], *shape[:3], *(way.degree for way in directions), span, values, count, target)
+    degrees = (way.degree for way in directions)
+    arguments = (control, shape[3], *shape[:3], *degrees, span, values, count, *origin, target)
     device.launch("patch.evaluate_points", (shape[3], count), *arguments)
     return target, count

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gpubspline.device import Buffer, Device
 from gpubspline.errors import InputError
 from gpubspline.shown import brief
-from gpubspline.spline.contract import Direction, contract_grid, contract_points
+from gpubspline.spline.contract import NO_ORIGIN, Direction, contract_grid, contract_points
 from gpubspline.spline.knots import MAX_DEGREE, check_knots, clamped_uniform, inserted
 
 Floats = NDArray[np.float64]
@@ -134,10 +134,7 @@ class Hyperpatch:
         middle = np.zeros(self.control.shape[-1])
         if not any(order):  # else it falls out
             middle[:3] = np.round(self.control[..., :3].mean(axis=tuple(range(self.parametric_dimension))))
-        planes = self._derivative(axes, device, order, grid, middle)
-        if middle.any():
-            planes[:3] += middle[:3, None].astype(planes.dtype)  # whole numbers: exact
-        return planes
+        return self._derivative(axes, device, order, grid, middle)
 
     def _derivative(
         self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool, middle: Floats
@@ -148,7 +145,7 @@ class Hyperpatch:
         if not any(order):
             planes, count = self._planes(axes, device, order, grid, middle)
             n_channels = self.control.shape[-1]
-            device.launch("patch.divide_by_weight", count, planes, n_channels, count)
+            device.launch("patch.divide_by_weight", count, planes, n_channels, count, *middle[:3].tolist())
             return device.get(planes)[:-1]
         lower = list(product(*(range(n + 1) for n in order)))
         whole = {index: device.get(self._planes(axes, device, index, grid, middle)[0]) for index in lower}
@@ -167,12 +164,13 @@ class Hyperpatch:
     def _planes(
         self, axes: list[Floats], device: Device, order: tuple[int, ...], grid: bool, middle: Floats
     ) -> tuple[Buffer, int]:
-        """Buffer (K, N) of the homogeneous components on the device, and N."""
+        """Buffer (K, N) of the homogeneous components on the device, those of a NURBS from the middle, and N."""
         control = self._homogeneous(middle)
         buffer = device.put(np.asfortranarray(control).T)  # planes, u fastest
         each = zip(self.knots, self.degrees, axes, order, strict=True)
         contract = contract_grid if grid else contract_points
-        return contract(device, buffer, control.shape, [Direction(*way) for way in each])
+        origin = tuple(middle[:3].tolist()) if self.weights is None else NO_ORIGIN
+        return contract(device, buffer, control.shape, [Direction(*way) for way in each], origin)
 
 
 def hyperpatch(
