@@ -8,6 +8,9 @@ voxel, 14 for the 7 mixes, about 45 with the limits.
 
 Neither bounds it on a CPU, but the wait for voxels that are in no near cache: asked for some vectors of points ahead,
 for which the index is worked out twice, they come in 0.5 times the time in the order of a mesh, 0.4 times in none.
+
+On a GPU ``CuPy`` is its ``map_coordinates`` and ``PyTorch`` its ``grid_sample``; both are given indices, not
+millimetres.
 """
 
 from collections.abc import Iterator
@@ -17,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.bench import gpu_peers
 from gpubspline.bench.measure import Peer, Place, Row, best_of, check, time_beside
 from gpubspline.bench.recorder import Recorder
 from gpubspline.ct.region import Region
@@ -67,6 +71,8 @@ def rows(place: Place) -> Iterator[Row]:
             values = sample_distance(region, at, recorder)
             if points == few:
                 peers: dict[str, Peer] = {"scipy.ndimage": partial(_scipy, region, indices)}
+                if not place.device.cores:
+                    peers |= gpu_peers.samples(region.distance_mm, indices)
                 seconds, others = time_beside("resample", recorder.replay, values, 2e-4, peers)
             else:
                 run, view = _scipy(region, indices[::97])

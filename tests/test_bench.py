@@ -3,17 +3,21 @@
 import json
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from scipy import ndimage
+from scipy.interpolate import BSpline, RegularGridInterpolator
 
-from gpubspline.bench import bench_scale, bench_stages, run
+from gpubspline.bench import bench_scale, bench_stages, gpu_peers, run
 from gpubspline.bench.aims import GPU_SHARES, PEAK_BYTES, SECONDS, SECONDS_A_HEX, SHARES, TIMES, aims
 from gpubspline.bench.bench_evaluate import random_patch
 from gpubspline.bench.measure import Place, Row, WrongResult, best_of, check, time_peers
 from gpubspline.bench.recorder import Recorder
-from gpubspline.device import Device
+from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 
 UNHARMED = ("bandwidth", "start-up", "scaling", "elasticity-solve", "elasticity-growth")
@@ -100,6 +104,26 @@ def test_a_peer_that_does_not_import_is_absent(device: Device, monkeypatch: pyte
     assert "splinepy absent" in run.line(row)
     (row,) = run.ON_DEVICES["quality-explicit"](tiny(device))
     assert row.peers == {"VTK": None}
+
+
+def test_peers_of_a_gpu_compute_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """NumPy and SciPy stand in for CuPy, which has their functions."""
+    cupy = ModuleType("cupy")
+    vars(cupy).update(vars(np) | {"asnumpy": np.asarray, "cuda": MagicMock(), "get_default_memory_pool": MagicMock()})
+    for name, module in (("cupy", cupy), ("cupyx.scipy.ndimage", ndimage), ("torch", None)):
+        monkeypatch.setitem(sys.modules, name, module)
+    rng, patch, axes = np.random.default_rng(0), random_patch((4, 5, 6), 3), [np.linspace(0, 1, n) for n in (7, 8, 9)]
+    matrices = [BSpline.design_matrix(t, k, 3).tocsr() for t, k in zip(axes, patch.knots, strict=True)]
+    run_it, view = gpu_peers.contractions(patch.control, matrices)["CuPy"]()
+    wanted = patch.evaluate_grid(axes, open_device("warp:cpu")).T
+    check("a patch", view(run_it()), wanted, 1e-5)
+    volume, places = rng.random((4, 5, 6), dtype=np.float32), rng.random((50, 3)) * (3, 4, 5)
+    peers = gpu_peers.samples(volume, places)
+    run_it, view = peers["CuPy"]()
+    wanted = RegularGridInterpolator([range(n) for n in volume.shape], volume)(places)
+    check("samples", view(run_it()), wanted, 1e-5)
+    with pytest.raises(ImportError):
+        peers["PyTorch"]()
 
 
 def test_recorder_repeats_what_was_launched(device: Device) -> None:

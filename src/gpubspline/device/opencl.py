@@ -80,6 +80,7 @@ class OpenCLDevice(Named):
         self._wide_lanes = WIDE_LANES if self._is_cpu and real == np.float32 and has_wide_vectors() else self._lanes
         self._fused = [] if self._is_cpu else ["-DFUSED", "-cl-mad-enable"]
         self.cores = device.max_compute_units if self._is_cpu else 0
+        self._most_bytes = device.global_mem_size
         if self._is_cpu and device.platform.name == "Portable Computing Language":
             name_processor(device)
         self._context = opencl.Context([device])
@@ -108,6 +109,8 @@ class OpenCLDevice(Named):
         flags = self._opencl.mem_flags.READ_WRITE
         if self._is_cpu:
             flags |= self._opencl.mem_flags.ALLOC_HOST_PTR
+        if padded * kind.itemsize > self._most_bytes:  # which a GPU's driver only finds out when the buffer is used
+            raise MemoryError(f"{self.label} has no room for {padded * kind.itemsize:,} bytes")
         try:
             memory = self._opencl.Buffer(self._context, flags, padded * kind.itemsize)
         except (self._opencl.MemoryError, self._opencl.LogicError) as error:
