@@ -55,7 +55,7 @@ def test_columns_leave_room_for_as_many_threads_as_warps(tmp_path: Path) -> None
 def test_nvidia_writes_past_the_caches_and_fuses(tmp_path: Path) -> None:
     ptx, _ = assembled("columns", FLOAT32, tmp_path)
     assert ptx.count("st.global.cs.f32") == 20 and "st.global.f32" not in ptx  # four places for each of five degrees
-    assert ptx.count("fma.rn.f32") > 100 and "add.rn.f32" not in ptx
+    assert ptx.count("fma.rn.f32") > 100 and ptx.count("add.rn.f32") == 20  # what the middle is added to
     assert "rsqrt.approx.ftz.f32" in assembled("quality_columns", FLOAT32, tmp_path)[0]
 
 
