@@ -1,8 +1,11 @@
 """Cohorts on real worker processes: nothing is lost where one is killed, and nothing is done twice."""
 
+import ast
 import os
 import re
 import signal
+import subprocess
+import sys
 import threading
 import time
 import warnings
@@ -17,6 +20,7 @@ from gpubspline.batch import cluster
 from gpubspline.batch.attempt import Order, attempt
 from gpubspline.batch.cohort import TRIES, Watch, run_cohort
 from gpubspline.batch.fingerprint import fingerprint
+from gpubspline.batch.guard import _is_guarded
 from gpubspline.batch.manifest import Subject
 from gpubspline.batch.record import Record, find_valid, read_record
 from gpubspline.errors import BackendUnavailable, InputError
@@ -280,6 +284,33 @@ def test_devices_are_dealt_in_turn_on_each_machine() -> None:
     assert cluster.deal(_Client(()), both) == {"0": "cuda:0", "1": "cuda:1", "2": "cuda:0", "3": "cuda:0"}
     assert cluster.deal(_Client(both), ()) == cluster.deal(_Client(()), both)
     assert cluster.deal(_Client(()), ()) == {}
+
+
+SCRIPT = """
+from pathlib import Path
+from gpubspline.batch.cohort import run_cohort
+from gpubspline.batch.manifest import Subject
+
+def work():
+    scan = Path("scan.npy").absolute()
+    run_cohort([Subject("a", 2, (scan,), {}, (scan,))], dict, Path("out"), workers=1)
+
+"""
+
+
+def test_a_script_without_a_guard_starts_no_processes(tmp_path: Path) -> None:
+    """It had each of them run it again, and ended in a traceback of dask's."""
+    (tmp_path / "scan.npy").write_text("scan")
+    (tmp_path / "work.py").write_text(SCRIPT + "work()\n")
+    done = subprocess.run([sys.executable, "work.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "bootstrapping" not in done.stderr and not (tmp_path / "out").exists()
+    last = done.stderr.splitlines()[-1]
+    assert last.endswith('below if __name__ == "__main__":, got line 10 of work.py, which each of them would run again')
+
+
+def test_guards_are_known() -> None:
+    tree = ast.parse("work = 1\nif __name__ == '__main__' and work:\n    work += 1\nelse:\n    work = 3\nwork = 2\n")
+    assert [_is_guarded(tree, line) for line in (1, 2, 3, 5, 6)] == [False, True, True, True, True]
 
 
 def test_folders_that_are_not_ours_stay(cohort: Cohort, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -47,6 +48,33 @@ def test_only_the_bad_side_counts() -> None:
     failed = record("failed", -1.0, 1e9, error="no model")
     expected = {"worst": ["scaled_jacobian_min"], "large": ["volume_mm3"], "small": ["volume_mm3"]}
     assert outliers([*cohort(), *odd, failed]) == expected
+
+
+def weighed(records: list[Record], kind: str, mass: float) -> list[Record]:
+    """The same subjects with masses of a kind, scattered about one."""
+    masses = mass * (1 + 0.04 * np.random.default_rng(1).uniform(-1, 1, len(records)))
+    made = []
+    for known, of in zip(records, masses, strict=True):
+        mesh = known.figures["mesh"] | {"mass_g": float(of), "mass_density": kind}
+        made.append(replace(known, subject=f"{known.subject}-{kind}", figures={"mesh": mesh}))
+    return made
+
+
+def test_masses_of_unlike_densities_are_not_compared(tmp_path: Path) -> None:
+    """Ash is 0.6 of what bone weighs: a few subjects by another law are no outliers, one of their own kind is."""
+    wet, ash = weighed(cohort(), "apparent", 100.0), weighed(cohort(8), "ash", 60.0)
+    assert outliers([*wet, *ash]) == {}
+    (odd,) = weighed([record("odd", 0.4, 5e4)], "ash", 100.0)  # wet, it would be the median
+    assert outliers([*wet, *ash, odd]) == {"odd-ash": ["mass_g"]}
+    write_table([*wet, *ash, odd], tmp_path / "cohort.csv")
+    with (tmp_path / "cohort.csv").open(newline="") as file:
+        assert {row["mass_density"] for row in csv.DictReader(file)} == {"apparent", "ash"}
+    write_page([*wet, *ash, odd], 49, tmp_path / "cohort.html")
+    text = (tmp_path / "cohort.html").read_text()
+    assert "Mass, g, wet" in text and "Mass, g, mineral alone" in text and text.count("Mass is") == 1
+    write_page(wet, 40, tmp_path / "cohort.html")
+    text = (tmp_path / "cohort.html").read_text()
+    assert "<h3>Mass, g</h3>" in text and "Mass is" not in text and "own kind" not in text
 
 
 def test_table_has_a_row_a_subject(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any
 
+from gpubspline.batch.guard import check_guard
 from gpubspline.errors import BackendUnavailable, InputError
 
 TIMEOUT_S = 10
@@ -21,11 +22,12 @@ def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
     Raises
     ------
     BackendUnavailable where dask.distributed is not installed; InputError where no scheduler answers, it has no worker,
-    or its workers do not have this package.
+    or its workers do not have this package, or where a script starts processes that would run it again.
     """
     distributed = import_distributed()
     _be_quiet()
     if scheduler is None:
+        check_guard()
         with _local(distributed, workers) as cluster, distributed.Client(cluster, set_as_default=False) as client:
             yield client
         return

@@ -25,17 +25,29 @@ class Quantity:
     title: for a person.
     path: keys to it in a record's figures.
     sides: ``"both"``, or the one on which standing apart is bad: ``"low"`` or ``"high"``.
+    kind: keys to what it is of, where subjects of unlike kinds have nothing to be compared by.
     """
 
     name: str
     title: str
     path: tuple[str, ...]
     sides: str = "both"
+    kind: tuple[str, ...] = ()
 
     def of(self, record: Record) -> float | None:
         """Value of a subject; None where it has none."""
         value = look_up({**record.figures, "seconds": record.seconds}, self.path)
         return None if value is None else float(value)
+
+    def by_kind(self, records: Sequence[Record]) -> dict[str, list[tuple[str, float]]]:
+        """Names and values of the subjects that have a model and one, by what they are of."""
+        found: dict[str, list[tuple[str, float]]] = {}
+        for record in records:
+            value = None if record.failed else self.of(record)
+            if value is not None:
+                kind = look_up(record.figures, self.kind) if self.kind else ""
+                found.setdefault(str(kind or ""), []).append((record.subject, value))
+        return found
 
 
 def look_up(figures: Mapping[str, Any], path: Sequence[str]) -> Any:
@@ -53,7 +65,7 @@ QUANTITIES = (
         "surface_distance_mm", "Mean distance from the region, mm", ("mesh", "surface_distance_mm", "mean"), "high"
     ),
     Quantity("volume_mm3", "Volume, mm³", ("mesh", "volume_mm3", "mesh")),
-    Quantity("mass_g", "Mass, g", ("mesh", "mass_g")),
+    Quantity("mass_g", "Mass, g", ("mesh", "mass_g"), kind=("mesh", "mass_density")),
     Quantity("modulus_mean_mpa", "Mean Young's modulus, MPa", ("mesh", "modulus_mpa", "mean")),
     Quantity("stiffness_n_per_mm", "Stiffness, N/mm", ("solve", "stiffness_n_per_mm")),
     Quantity("von_mises_p99_mpa", "von Mises stress, 99 % of the volume, MPa", ("solve", "p99_von_mises_mpa")),
@@ -62,15 +74,17 @@ QUANTITIES = (
 
 
 def outliers(records: Sequence[Record]) -> dict[str, list[str]]:
-    """Names of the quantities by which each subject stands apart, by subject; those of none are left out."""
+    """Names of the quantities by which each subject stands apart, by subject; those of none are left out.
+
+    Masses of ash and of wet bone are no one distribution: each is compared with those of its own kind of density.
+    """
     found: dict[str, list[str]] = {}
-    models = [record for record in records if not record.failed]
     for quantity in QUANTITIES:
-        known = [(record.subject, value) for record in models if (value := quantity.of(record)) is not None]
-        scores = modified_z_scores([value for _, value in known])
-        for (subject, _), score in zip(known, scores, strict=True):
-            if (score > LIMIT and quantity.sides != "low") or (score < -LIMIT and quantity.sides != "high"):
-                found.setdefault(subject, []).append(quantity.name)
+        for known in quantity.by_kind(records).values():
+            scores = modified_z_scores([value for _, value in known])
+            for (subject, _), score in zip(known, scores, strict=True):
+                if (score > LIMIT and quantity.sides != "low") or (score < -LIMIT and quantity.sides != "high"):
+                    found.setdefault(subject, []).append(quantity.name)
     return found
 
 

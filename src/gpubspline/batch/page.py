@@ -10,6 +10,7 @@ import numpy as np
 from gpubspline.batch.outliers import FEWEST, LIMIT, QUANTITIES, Quantity, outliers
 from gpubspline.batch.record import Record
 from gpubspline.files import whole_file
+from gpubspline.material.density import MASS_OF
 
 Apart = Mapping[str, Sequence[str]]
 _BINS, _ROWS = 50, 5
@@ -68,7 +69,9 @@ def _apart(apart: Apart, records: Sequence[Record]) -> Iterator[str]:
         yield _list([(subject, "; ".join(titles[name] for name in names)) for subject, names in apart.items()])
     else:
         yield "<p>None.</p>"
-    yield f'<p class="note">Modified z-score (Iglewicz and Hoaglin 1993) beyond {LIMIT}, on the side that is bad.</p>'
+    yield f'<p class="note">Modified z-score (Iglewicz and Hoaglin 1993) beyond {LIMIT}, on the side that is bad.'
+    mixed = any(len(quantity.by_kind(records)) > 1 for quantity in QUANTITIES)
+    yield (" Masses are compared with those of their own kind of density." if mixed else "") + "</p>"
 
 
 def _list(pairs: Sequence[tuple[str, str]]) -> str:
@@ -76,18 +79,24 @@ def _list(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _strips(records: Sequence[Record], apart: Apart) -> Iterator[str]:
-    drawn = [strip for quantity in QUANTITIES if (strip := _strip(quantity, records, apart))]
+    drawn = [strip for quantity in QUANTITIES for strip in _strips_of(quantity, records, apart)]
     if drawn:
         yield "<h2>Distributions</h2>"
         yield '<p class="note">A dot a subject, dashed the median, outliers red. Point at a dot for its subject.</p>'
         yield f'<div class="strips">{"".join(drawn)}</div>'
 
 
-def _strip(quantity: Quantity, records: Sequence[Record], apart: Apart) -> str:
-    """Dots of a quantity along its range; nothing for fewer than two subjects."""
-    known = [(r.subject, v) for r in records if not r.failed and (v := quantity.of(r)) is not None]
-    if len(known) < 2:
-        return ""
+def _strips_of(quantity: Quantity, records: Sequence[Record], apart: Apart) -> Iterator[str]:
+    """Strip of a quantity, or of each kind of it, in words; none of fewer than two subjects."""
+    kinds = quantity.by_kind(records)
+    for kind, known in kinds.items():
+        if len(known) > 1:
+            of = f", {MASS_OF.get(kind, 'of density unknown')}" if len(kinds) > 1 else ""
+            yield _strip(quantity.title + of, quantity.name, known, apart)
+
+
+def _strip(title: str, name: str, known: Sequence[tuple[str, float]], apart: Apart) -> str:
+    """Dots of a quantity along its range."""
     values = np.array([value for _, value in known])
     low, high = values.min(), values.max()
     span = high - low or 1.0
@@ -96,20 +105,22 @@ def _strip(quantity: Quantity, records: Sequence[Record], apart: Apart) -> str:
         share = (value - low) / span
         place = round(share * _BINS)
         row, taken[place] = taken[place] % _ROWS, taken[place] + 1
-        mark = ' class="apart"' if quantity.name in apart.get(subject, ()) else ""
+        mark = ' class="apart"' if name in apart.get(subject, ()) else ""
         at = f"left:{share:.1%};bottom:{0.15 + 0.6 * row:.2f}rem"
         dots.append(f'<i{mark} style="{at}" title="{escape(subject)}: {_number(value)}"></i>')
     median = float(np.median(values))
     middle = f'<b style="left:{(median - low) / span:.1%}"></b>'
     words = (_number(low), f"median {_number(median)}", _number(high))
     ends = f'<div class="ends">{"".join(f"<span>{word}</span>" for word in words)}</div>'
-    return f'<div class="strip"><h3>{quantity.title}</h3><div class="dots">{middle}{"".join(dots)}</div>{ends}</div>'
+    return f'<div class="strip"><h3>{title}</h3><div class="dots">{middle}{"".join(dots)}</div>{ends}</div>'
 
 
 def _table(records: Sequence[Record], apart: Apart) -> Iterator[str]:
     known = [q for q in QUANTITIES if any(q.of(record) is not None for record in records if not record.failed)]
     yield "<h2>Subjects</h2>"
     heads = ["Subject", "Elements", *(quantity.title for quantity in known)]
+    mixed = any(len(quantity.by_kind(records)) > 1 for quantity in known)
+    heads += ["Mass is"] if mixed else []
     yield '<div class="scroll"><table><thead><tr>'
     yield "".join(f'<th scope="col"><button type="button">{head}</button></th>' for head in heads)
     yield "</tr></thead><tbody>"
@@ -119,6 +130,9 @@ def _table(records: Sequence[Record], apart: Apart) -> Iterator[str]:
         cells.append(_cell(record.figures.get("mesh", {}).get("elements"), False))
         marks = apart.get(record.subject, ())
         cells += [_cell(None if record.failed else q.of(record), q.name in marks) for q in known]
+        if mixed:
+            of = MASS_OF.get(record.figures.get("mesh", {}).get("mass_density"), "")
+            cells.append(f'<td data-value="{of}">{of}</td>')
         yield f"<tr>{''.join(cells)}</tr>"
     yield "</tbody></table></div>"
 

@@ -14,6 +14,7 @@ _COUNTED = {
     "inverted": ("mesh", "scaled_jacobian", "inverted"),
     "below_0.1": ("mesh", "scaled_jacobian", "fraction_below_0.1"),
     "law": ("mesh", "law", "name"),
+    "mass_density": ("mesh", "mass_density"),
     "displacement_max_mm": ("solve", "max_displacement_mm"),
     "von_mises_max_mpa": ("solve", "max_von_mises_mpa"),
 }
