@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from gpubspline.errors import InputError
-from gpubspline.export import read_mesh, write
-from gpubspline.export.modulus_bins import modulus_bins
+from gpubspline.export import formats, read_mesh, write
+from gpubspline.export.deck import Wanted, make_deck
+from gpubspline.export.modulus_bins import POISSON_WIDTH, modulus_bins
 from gpubspline.export.modulus_table import TOLERANCE, modulus_table
+from gpubspline.export.units import UNITS
 from gpubspline.material.registry import law
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
@@ -103,6 +105,10 @@ def test_of_straight_elements_the_modulus_is_the_temperature(rows):
     off = {n: np.interp(fields["E_MPa"], table.at, c) - fields[n] for n, c in table.columns.items()}
     assert table.poisson_error == pytest.approx(np.abs(off["nu"]).max()) and table.poisson_error < 0.06
     assert table.density_error == pytest.approx(np.abs(off["density_g_cm3"] / fields["density_g_cm3"]).max())
+    density = np.interp(fields["E_MPa"], table.at, table.columns["density_g_cm3"])
+    assert table.density_total_error == pytest.approx(abs(density.sum() / fields["density_g_cm3"].sum() - 1))
+    far = (np.abs(off["nu"]) > 0.01) | (np.abs(off["density_g_cm3"] / fields["density_g_cm3"]) > 0.01)
+    assert table.share_off == np.count_nonzero(far) / far.size and 0.05 < table.share_off < 0.6
     apart = fields["E_MPa"] > 600  # where only one branch is
     assert np.abs(off["nu"][apart]).max() < 0.01
     assert np.abs(off["density_g_cm3"][apart] / fields["density_g_cm3"][apart]).max() < (0.05 if rows == 20 else 0.01)
@@ -161,6 +167,38 @@ def test_materials_that_nothing_tells_apart_are_refused(tmp_path):
         write(mesh.with_fields(fields), tmp_path / "bar.inp")
     assert list(tmp_path.iterdir()) == []
     write(mesh.with_fields(fields), tmp_path / "bar.inp", modulus_bins=3)
+
+
+@pytest.mark.parametrize("form", [name for name, form in formats().items() if form.binned])
+def test_bins_part_poissons_ratios_of_one_modulus(form):
+    """The paper's law gives 129 to 436 MPa twice, at 0.30 and at 0.36; one bin is one material all the same."""
+    mesh = bar(counts=(3, 3, 61))
+    fields = paper_material(np.where(np.arange(240) % 2, 300.0, 478.4)) | {"E_MPa": np.full(240, 340.0)}
+    mesh = mesh.with_cell_fields({name: values.astype(np.float32) for name, values in fields.items()})
+    for count, parts in ((100, 2), (2, 2), (1, 1)):
+        made = make_deck(mesh, formats()[form], Wanted(UNITS["mm-N-MPa"], modulus_bins=count))
+        poisson = [s.poisson for s in made.sections]
+        assert len(poisson) == made.figures["modulus"]["bins"] == parts
+        if parts == 2:
+            assert sorted(poisson) == pytest.approx([0.3, 0.36], abs=1e-7)
+            assert made.figures["modulus"]["poisson_error"] < 1e-7
+            density = {round(s.poisson, 2): s.density for s in made.sections}
+            assert density[0.3] == pytest.approx(1.9e-9 * 300 / 1630)  # a mean would be of 389 HU
+            for part in made.sections:
+                assert set(mesh.cell_fields["nu"][part.members]) == {np.float32(part.poisson)}
+        else:
+            assert made.figures["modulus"]["poisson_error"] == pytest.approx(0.03, abs=1e-6)
+
+
+def test_mixed_poissons_ratios_are_off_by_less_than_a_bin():
+    """Elements across a boundary of two branches have means of either ratio."""
+    mesh = bar(counts=(3, 3, 501))
+    rng = np.random.default_rng(0)
+    nu, modulus = rng.uniform(0.3, 0.36, 2000), rng.choice([200.0, 3000.0], 2000)
+    bins = modulus_bins(mesh.with_cell_fields({"nu": nu, "E_MPa": modulus}), 100)
+    assert bins.poisson_error < POISSON_WIDTH and len(bins.members) == 8 and bins.largest_error < 1e-12
+    off = [np.abs(nu[m] - p).max() for m, p in zip(bins.members, bins.poisson, strict=True)]
+    assert bins.poisson_error == pytest.approx(max(off))
 
 
 def test_bins_hold_every_element_once_and_state_their_error(tmp_path):

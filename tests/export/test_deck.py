@@ -157,7 +157,7 @@ def test_the_figures_state_the_error_and_the_total_load(femur):
 
 def test_element_moduli_are_what_bins_gather(femur):
     own = np.linspace(100, 900, femur.n_elements)
-    found = deck(femur.with_cell_fields({"E_MPa": own}), modulus_bins=4)
+    found = deck(femur.with_cell_fields({"E_MPa": own, "nu": np.full_like(own, 0.3)}), modulus_bins=4)
     moduli = np.empty(femur.n_elements)
     for section in found.sections:
         moduli[section.members] = section.modulus

@@ -197,10 +197,15 @@ def deck_lines(figures: dict[str, Any]) -> list[str]:
         )
     elif modulus and "rows" in modulus:
         lines.append(
-            f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}: at most off by "
-            f"{modulus['error']:.2%}, Poisson's ratio by {modulus['poisson_error']:.2g}, density by "
-            f"{modulus['density_error']:.0%}"
+            f"{_UNDER}modulus by node, a table of {modulus['rows']} rows along {modulus['carrier']}, within "
+            f"{modulus['error']:.2%} of each node's"
         )
+        if modulus["share_off"]:
+            lines += [
+                f"{_UNDER}the law gives {modulus['share_off']:.0%} of the nodes a modulus that it gives twice: their",
+                f"{_UNDER}Poisson's ratio is a mean (off by up to {modulus['poisson_error']:.2g}) and so is their "
+                f"density (mass in all off by {modulus['density_total_error']:.1%})",
+            ]
     elif modulus:
         lines.append(f"{_UNDER}modulus by {modulus['means'].removeprefix('field by ')}")
     if load:

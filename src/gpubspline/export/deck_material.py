@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gpubspline.errors import InputError
 from gpubspline.export.formats import Format
 from gpubspline.export.modulus_bins import ModulusBins, modulus_bins
-from gpubspline.export.modulus_table import modulus_table
+from gpubspline.export.modulus_table import ModulusTable, modulus_table
 from gpubspline.export.units import Units
 from gpubspline.material.orthotropy import MODULI, is_orthotropic
 from gpubspline.mesh.mesh import Mesh
@@ -22,6 +22,9 @@ CONSTANTS = (*MODULI, "nu12", "nu13", "nu23", "G12_MPa", "G13_MPa", "G23_MPa")
 
 LARGEST_TEMPERATURE = 1000.0
 """CalculiX 2.20 takes temperatures above 2,000, or below -2,000, for none: elements get the modulus at zero."""
+
+TABLE_ERRORS = ("error", "poisson_error", "density_error", "density_total_error", "share_off")
+"""Of ``ModulusTable``, in the figures of a deck."""
 
 Floats = NDArray[np.float64]
 
@@ -121,12 +124,24 @@ def _table(mesh: Mesh, form: Format, units: Units) -> Means:
     within = "each element takes the mean of its nodes" if straight else "between nodes the solver interpolates it"
     words = (
         f"Material by node: the temperature is {told}, no heat; {within}. The table gives each node "
-        f"its modulus within {100 * found.error:.2g} %, Poisson's ratio within {found.poisson_error:.2g}, density "
-        f"within {100 * found.density_error:.3g} %. Give no thermal expansion and no other temperature."
+        f"its modulus within {100 * found.error:.2g} %. {_beside(found)} Give no thermal expansion and no other "
+        "temperature."
     )
-    figures = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size, "error": found.error}
-    figures |= {"poisson_error": found.poisson_error, "density_error": found.density_error}
+    figures: dict[str, Any] = {"means": "table by node", "carrier": found.carrier, "rows": found.at.size}
+    figures |= {name: getattr(found, name) for name in TABLE_ERRORS}
     return Means(words, figures, table=table)
+
+
+def _beside(found: ModulusTable) -> str:
+    """Say how well a table keeps what is not the modulus."""
+    poisson, density = f"{found.poisson_error:.2g}", f"{100 * found.density_error:.3g} %"
+    if not found.share_off:
+        return f"Poisson's ratio and density are theirs, within {poisson} and {density}."
+    return (
+        f"Where the law gives one modulus at two densities, as for {100 * found.share_off:.3g} % of the nodes, "
+        f"Poisson's ratio and density are means of both. Poisson's ratio is off by at most {poisson}; the density of a "
+        f"node, which weight alone takes, by {density}, and the mass of all by {100 * found.density_total_error:.2g} %."
+    )
 
 
 def _fields(mesh: Mesh, units: Units, by_node: bool) -> Means:
@@ -153,8 +168,8 @@ def _sections(bins: ModulusBins, units: Units) -> Means:
         for number, (members, modulus, poisson, rho) in enumerate(rows, start=1)
     )
     words = (
-        f"Material by element: {bins.source}, in {len(bins.members)} bins. Binning changes it "
-        f"by {100 * bins.mean_error:.3g} % on average and {100 * bins.largest_error:.3g} % at most, and "
+        f"Material by element: {bins.source}, in {len(bins.members)} bins of it and of Poisson's ratio. Binning "
+        f"changes it by {100 * bins.mean_error:.3g} % on average and {100 * bins.largest_error:.3g} % at most, and "
         f"Poisson's ratio by {bins.poisson_error:.3g} at most."
     )
     errors = {"mean_error": bins.mean_error, "largest_error": bins.largest_error, "poisson_error": bins.poisson_error}

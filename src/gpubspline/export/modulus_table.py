@@ -9,8 +9,8 @@ interpolates HU, not modulus, and crosses a jump where HU does.
 
 Elements with straight edges take one temperature, the mean of their nodes. The modulus of the mean HU is well below the
 mean modulus (a femur of 13,000 hexes gives way a fifth more), so there the modulus is the temperature: each element has
-the mean modulus of its nodes, exactly. Poisson's ratio and density are means where branches overlap, and how far off
-they are is stated.
+the mean modulus of its nodes, exactly. Poisson's ratio and density are means where branches overlap; at how many nodes
+they are off, by how much at most and the density in total, is stated.
 
 The table's rows are nodes' own values, and enough of them that linear interpolation between rows gives every other
 node its modulus, Poisson's ratio and density within ``TOLERANCE`` of their size; two rows straddle a jump.
@@ -29,6 +29,9 @@ TOLERANCE = 1e-4
 
 MEAN_ROWS = 100
 """Of a table along the modulus whose Poisson's ratios and densities are means; ANSYS takes as many."""
+
+NOTABLE = 0.01
+"""Difference that is counted: as wide as bins of Poisson's ratio are."""
 
 LOOSEST = 0.02
 """Relative; beyond it bins tell the truth better."""
@@ -54,6 +57,8 @@ class ModulusTable:
     error: largest relative difference of a node's modulus from the table.
     poisson_error: largest difference of a node's Poisson's ratio.
     density_error: largest relative difference of a node's density.
+    density_total_error: relative difference of the sum of all nodes' densities.
+    share_off: of the nodes whose Poisson's ratio is off by more than ``NOTABLE``, or density by as much of it.
     """
 
     carrier: str
@@ -62,6 +67,8 @@ class ModulusTable:
     error: float
     poisson_error: float = 0.0
     density_error: float = 0.0
+    density_total_error: float = 0.0
+    share_off: float = 0.0
 
 
 def modulus_table(
@@ -132,18 +139,27 @@ def _along_modulus(fields: dict[str, NDArray[Any]], names: list[str], n_rows: in
         nearest = np.searchsorted(between, modulus[nodes].astype(np.float64))
         sums += [np.bincount(nearest, None if name == "E_MPa" else fields[name][nodes], at.size) for name in names]
     met = sums[0] > 0
-    columns, off = {"E_MPa": at}, {"density_g_cm3": 0.0}
+    columns = {"E_MPa": at}
     for name, total in zip(names[1:], sums[1:], strict=True):
-        columns[name] = column = np.interp(at, at[met], total[met] / sums[0, met])
-        off[name] = max(_most_off(fields, name, nodes, at, column) for nodes in _parts(modulus.size))
-    return ModulusTable("E_MPa", at, columns, 0.0, off["nu"], off["density_g_cm3"])
+        columns[name] = np.interp(at, at[met], total[met] / sums[0, met])
+    return ModulusTable("E_MPa", at, columns, 0.0, **_how_far_off(fields, columns))
 
 
-def _most_off(fields: dict[str, NDArray[Any]], name: str, nodes: slice, at: Floats, column: Floats) -> float:
-    """Largest difference of some nodes' values from a table along the modulus, of a density relative to it."""
-    values = fields[name][nodes].astype(np.float64)
-    off = np.abs(np.interp(fields["E_MPa"][nodes], at, column) - values)
-    return float(np.max(off if name == "nu" else off / values))
+def _how_far_off(fields: dict[str, NDArray[Any]], columns: dict[str, Floats]) -> dict[str, float]:
+    """Figures of ``ModulusTable`` for a table along the modulus."""
+    modulus, most, n_off, sums = fields["E_MPa"], {"nu": 0.0, "density_g_cm3": 0.0}, 0, np.zeros(2)
+    for nodes in _parts(modulus.size):
+        off = np.zeros(modulus[nodes].size)
+        for name in columns.keys() & most.keys():
+            own = fields[name][nodes].astype(np.float64)
+            found = np.interp(modulus[nodes], columns["E_MPa"], columns[name])
+            by = np.abs(found - own) if name == "nu" else np.abs(found / own - 1)
+            off, most[name] = np.maximum(off, by), max(most[name], float(by.max()))
+            sums += (found.sum(), own.sum()) if name != "nu" else 0
+        n_off += int(np.count_nonzero(off > NOTABLE))
+    total = float(abs(sums[0] / sums[1] - 1)) if sums[1] else 0.0
+    figures = {"poisson_error": most["nu"], "density_error": most["density_g_cm3"], "density_total_error": total}
+    return figures | {"share_off": n_off / modulus.size}
 
 
 def _parts(n_nodes: int) -> list[slice]:
