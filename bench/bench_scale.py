@@ -16,6 +16,7 @@ from time import perf_counter, sleep
 from gpubspline.bench.measure import Host, Row, WrongResult
 from gpubspline.ct.phantom_dicom import write_phantom
 from gpubspline.device import open_device
+from gpubspline.files import whole_file
 
 NODES = {"full": [1e5, 1e6, 1e7, 1e8], "quick": [1e5, 1e6, 1e7, 1e8], "tiny": [1e3]}
 SHAPE = (480, 480, 450)
@@ -81,4 +82,5 @@ def draw(found: Sequence[Row], path: Path) -> None:
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("")
         axes.grid(alpha=0.3, which="both")
-    figure.savefig(path, dpi=150)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=150)

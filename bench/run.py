@@ -28,8 +28,9 @@ from gpubspline.bench import (
 )
 from gpubspline.bench.aims import aims
 from gpubspline.bench.measure import Host, Place, Row, cores
-from gpubspline.device import list_devices, open_device
+from gpubspline.device import Device, list_devices, open_device
 from gpubspline.errors import InputError
+from gpubspline.files import whole_file
 
 ON_DEVICES: dict[str, Callable[[Place], Iterator[Row]]] = {
     "bandwidth": bench_bandwidth.rows,
@@ -78,7 +79,9 @@ def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "ful
     unknown = [name for name in wanted if name not in NAMES]
     if unknown:
         raise InputError(f"expected a bench of {', '.join(NAMES)}, got {', '.join(unknown)}")
-    return _rows(wanted, tuple(devices) or present(), scale)
+    needed = any(name in ON_DEVICES for name in wanted)
+    opened = [open_device(name) for name in tuple(devices) or present()] if needed else []
+    return _rows(wanted, opened, scale)
 
 
 def present() -> tuple[str, ...]:
@@ -87,9 +90,9 @@ def present() -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda name: not name.startswith("opencl")))
 
 
-def _rows(wanted: Sequence[str], devices: Sequence[str], scale: str) -> Iterator[Row]:
+def _rows(wanted: Sequence[str], devices: Sequence[Device], scale: str) -> Iterator[Row]:
     on_devices = [bench for name, bench in ON_DEVICES.items() if name in wanted]
-    places = [bench_bandwidth.measure(open_device(name), scale) for name in devices if on_devices]
+    places = [bench_bandwidth.measure(device, scale) for device in devices if on_devices]
     for bench in on_devices:
         for place in places:
             yield from (replace(row, gpu=place.device.cores == 0) for row in bench(place))
@@ -152,7 +155,8 @@ def _time(seconds: float) -> str:
 def write_json(rows: Sequence[Row], path: Path) -> None:
     """Write the rows as a list, ``null`` for what is absent."""
     told = [{**row.to_dict(), "aims": [vars(aim) for aim in aims(row, rows[:place])]} for place, row in enumerate(rows)]
-    path.write_text(json.dumps(told, indent=1) + "\n")
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(told, indent=1) + "\n")
 
 
 if __name__ == "__main__":

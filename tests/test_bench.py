@@ -18,7 +18,7 @@ from gpubspline.bench.bench_evaluate import random_patch
 from gpubspline.bench.measure import Place, Row, WrongResult, best_of, check, time_peers
 from gpubspline.bench.recorder import Recorder
 from gpubspline.device import Device, open_device
-from gpubspline.errors import InputError
+from gpubspline.errors import BackendUnavailable, InputError
 
 UNHARMED = ("bandwidth", "start-up", "scaling", "elasticity-solve", "elasticity-growth")
 """Without results, or solves, which mend what their preconditioner gets wrong; scaling repeats what others check."""
@@ -187,6 +187,21 @@ def test_a_peer_is_compared_before_it_is_timed() -> None:
 def test_unknown_bench_is_refused() -> None:
     with pytest.raises(InputError, match="expected a bench of bandwidth, evaluate"):
         run.run(["no-such"])
+    with pytest.raises(BackendUnavailable):  # at once, before a heading is printed
+        run.run(["material"], ["opencl:9:9"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--json", "rows.txt"], "a file of the bench that ends in .json, got rows.txt"),
+        (["--chart", "c.png", "--only", "material"], "the bench 'scale' with --chart, which draws it, got material"),
+        (["--device", "opencl:9:9", "--only", "material"], "opencl:9:9"),
+    ],
+)
+def test_bench_refuses_before_it_says_anything(request, words: list[str], said: str) -> None:
+    status, out, err = request.getfixturevalue("run")("bench", *words)
+    assert status == 2 and said in err and not out
 
 
 def test_table_is_markdown(tmp_path: Path) -> None:

@@ -178,6 +178,10 @@ def test_the_tensor_method_warns_of_bridges():
     with pytest.warns(GpubsplineWarning, match="fills 6% less"):
         warn_of_bridges(94.0, 100.0)
     warn_of_bridges(104.0, 100.0)
+    with pytest.warns(
+        GpubsplineWarning, match="less than the region: its rows are smoothed away; a smaller --smooth-rows"
+    ):
+        warn_of_bridges(94.0, 100.0, smoothed=True)
 
 
 def test_blocks_warn_where_their_volume_is_not_the_regions():
@@ -340,8 +344,14 @@ def test_the_number_of_blocks_is_foretold(device):
 def test_walls_are_warned_of_before_the_work():
     """Half of a shell of two voxels is as thin: hexes of its size are foretold to be more than fit in, smaller not."""
     body = body_of(lambda x, y, z: np.abs(np.sqrt(x**2 + y**2 + z**2) - 14) - 1, spacing=1.0)
-    with pytest.warns(GpubsplineWarning, match=r"half .* less than [12]\.?\d* mm thick, .* take about [3-9]\.\d times"):
-        foretell(body.region, 3.0, Clock())
+    said = r"half .* less than [12]\.?\d* mm thick, .* take about [3-9]\.\d times"
+    with pytest.warns(GpubsplineWarning, match=said + r".* --size \S+ follows them, another --threshold"):
+        foretell(body.region, 3.0, Clock())  # open at the ends of the scan: there is nothing to fill
+    with pytest.warns(GpubsplineWarning, match=said + r".* --size \S+ follows them, --elements"):
+        foretell(body.region, 3.0, Clock(), of_surface=True)  # which has no options that find another body
+    hollow = body_of(lambda x, y, z: np.abs(np.sqrt(x**2 + y**2 + z**2) - 14) - 1, shape=(40, 40, 44))
+    with pytest.warns(GpubsplineWarning, match=said + ".*, --fill volume, another --threshold"):
+        foretell(hollow.region, 3.0, Clock())
     foretell(body.region, 1.0, Clock())
 
 

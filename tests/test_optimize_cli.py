@@ -41,7 +41,22 @@ def test_optimize_refuses(run: Command, bent: Path, tmp_path: Path) -> None:
         ([tmp_path / "none.vtu"], "none.vtu"),
         ([bent, "--surface", "fly"], "slide or stay"),
         ([bent, "--summary", bent], "of its own"),
+        ([bent, "--summary", tmp_path / "s.txt"], "a file of figures that ends in .json, got s.txt"),
     ):
         status, _, err = run("optimize", *words, "-o", tmp_path / "b.vtu")
         assert status == 2 and text in err and err.count("\n") == 1
         assert not (tmp_path / "b.vtu").exists()
+
+
+def test_advice_names_what_the_command_has(run: Command, bent: Path, tmp_path: Path) -> None:
+    """An element turned inside out, all of whose nodes are on the surface, stays so."""
+    mesh = read_mesh(bent)
+    points = mesh.points.copy()
+    points[0] += 5
+    write(Mesh(points, "hex8", connectivity=mesh.cells), tmp_path / "out.vtu")
+    for words, advice in (
+        (["--surface", "stay"], "try --surface slide, or ask"),
+        ([], "try 'gpubspline mesh --method blocks', or ask"),
+    ):
+        status, _, err = run("optimize", tmp_path / "out.vtu", *words, "-o", tmp_path / "b.vtu")
+        assert status == 2 and advice in err and "--optimize" not in err, err

@@ -8,7 +8,7 @@ import numpy as np
 
 from gpubspline.clock import Clock
 from gpubspline.ct.labels import MOST_LABELS, label_counts
-from gpubspline.ct.region import Region
+from gpubspline.ct.region import Region, fill_holes
 from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import GpubsplineWarning
 from gpubspline.material.density import MASS_OF, WEIGHED, steps_between
@@ -121,8 +121,10 @@ def warn_of_everything(volume: Volume, threshold_hu: float) -> None:
     )
 
 
-def foretell(region: Region, size_mm: float, clock: Clock) -> None:
+def foretell(region: Region, size_mm: float, clock: Clock, of_surface: bool = False) -> None:
     """Say how many blocks there will be, about, and where they take more than a minute how long, and what takes less.
+
+    ``of_surface``: whether the region is a surface's, not a scan's.
 
     Voxels count more faces than smooth surfaces have: porous bodies come out smaller.
     """
@@ -136,19 +138,26 @@ def foretell(region: Region, size_mm: float, clock: Clock) -> None:
             GpubsplineWarning,
             stacklevel=2,
         )
-    warn_of_walls(region, size_mm)
+    warn_of_walls(region, size_mm, of_surface)
 
 
-def warn_of_walls(region: Region, size_mm: float) -> None:
-    """Warn before the work where half of a region is walls as thin as an element: hexes are more."""
+def warn_of_walls(region: Region, size_mm: float, of_surface: bool = False) -> None:
+    """Warn before the work where half of a region is walls as thin as an element: hexes are more.
+
+    What is advised to fill has something to be filled, and a surface no option that finds another body.
+    """
     if region.volume_mm3 < size_mm**3:  # which blocks refuse
         return
     thick, times = thinnest(region)[0].least(HALF), about_elements(region, size_mm) * size_mm**3 / region.volume_mm3
     if thick < THIN * size_mm:
+        hollow = not of_surface and np.count_nonzero(fill_holes(region.mask, "volume")) > np.count_nonzero(region.mask)
+        thicker = "" if of_surface else "another --threshold or a mask makes them thicker, "
+        if hollow:
+            thicker = f"--fill volume, {thicker}"
         warnings.warn(
             f"half of the region is less than {thick:.2g} mm thick, where two elements need {ACROSS * size_mm:.3g}: "
             f"its walls take about {times:.1f} times the hexes that fit in; --size {thick / ACROSS:.2g} follows them, "
-            "--fill volume, another --threshold or a mask makes them thicker, --elements sets how many there are",
+            f"{thicker}--elements sets how many there are",
             GpubsplineWarning,
             stacklevel=2,
         )
@@ -204,13 +213,18 @@ def warn_of_bodies(bodies: Sequence[BodyReport], parts: Mapping[str, Region], si
     )
 
 
-def warn_of_bridges(mesh_mm3: float, region_mm3: float) -> None:
-    """Warn where rows bridge gaps: a mesh of the tensor method that is not as large as its region."""
+def warn_of_bridges(mesh_mm3: float, region_mm3: float, smoothed: bool = False) -> None:
+    """Warn where rows bridge gaps: a mesh of the tensor method that is not as large as its region.
+
+    ``smoothed``: whether row ends were smoothed more than by default, which cuts them short.
+    """
     off = mesh_mm3 / region_mm3 - 1
     if np.isfinite(off) and abs(off) > BRIDGED:
         more = "more" if off > 0 else "less"
+        why = "are smoothed away" if smoothed and off < 0 else "cross gaps or miss parts of it"
+        fewer = "a smaller --smooth-rows keeps them, " if smoothed and off < 0 else ""
         warnings.warn(
-            f"the tensor mesh fills {abs(off):.0%} {more} than the region: its rows cross gaps or miss parts of it; "
+            f"the tensor mesh fills {abs(off):.0%} {more} than the region: its rows {why}; {fewer}"
             "--method butterfly or blocks follow the surface",
             GpubsplineWarning,
             stacklevel=2,

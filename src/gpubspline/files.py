@@ -47,6 +47,12 @@ def check_writable(path: Path) -> None:
         raise InputError(f"cannot write in {folder}: {error.strerror}") from None
 
 
+def check_ending(path: Path, ending: str, what: str) -> None:
+    """Raise ``InputError`` where a file's name does not say what is written to it."""
+    if path.suffix.lower() != ending:
+        raise InputError(f"expected a file of {what} that ends in {ending}, got {path.name}")
+
+
 def check_space(path: Path, n_bytes: int) -> None:
     """Raise ``InputError`` where the disk has no room for a file of so many bytes, before any of it is written."""
     folder = _followed(Path(path)).absolute().parent

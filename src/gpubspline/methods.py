@@ -227,7 +227,7 @@ def _blocks_mesh(body: Body, meshing: Meshing, sampling: Sampling, device: Devic
         raise InputError(f"expected hex8, hex20 or hex27 for blocks, got {element}")
     if meshing.refine > 1 and element != "hex8":
         raise InputError(f"expected hex8 with --refine, got {element}, whose curved edges follow the surface already")
-    foretell(body.region, size, clock)
+    foretell(body.region, size, clock, of_surface=body.volume is None or not body.one_grid)
     parts, numbers = _parts(body, meshing)
     made = _counted(body.region, size, parts, meshing, device, clock)
     size = made.report.size_mm

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from gpubspline.analysis.load_case import AXES, Force, LoadCase, Pressure, Support, read_load_case
-from gpubspline.analysis.loads import assemble, load_case, load_cases, patient_axes
+from gpubspline.analysis.loads import assemble, check_on_body, load_case, load_cases, patient_axes
 from gpubspline.analysis.regions import Box, Cap, HalfSpace, Patch, Region, Side, Sphere, width_mm
 from gpubspline.ct.femur import ADULT, CHILD, femur
+from gpubspline.ct.region import Region as BodyRegion
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
@@ -278,7 +279,66 @@ def test_stance_finds_head_trochanter_and_cut_of_either_femur(bone, mirror):
     np.testing.assert_array_equal(held, np.flatnonzero(mesh.points[:, 2] == mesh.points[:, 2].min()))
     np.testing.assert_array_equal(made.fixed, made.fixed[:, :1].repeat(3, axis=1))
     assert distal.area_mm2 == pytest.approx(np.pi * bone.shaft[0] * bone.shaft[1], rel=0.1)
-    assert made.away_mm == pytest.approx(0.1 * width_mm(mesh))
+    assert made.away_mm == pytest.approx(0.1 * width_mm(mesh.points))
+
+
+def voxels(level, low, high, step=2.0):
+    """Region of a level on a grid of voxels between two corners."""
+    i, j, k = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
+    at = np.stack(np.meshgrid(i, j, k, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
+    affine = np.diag([step, step, step, 1.0])
+    affine[:3, 3] = low
+    distance = level(at).astype(np.float32)
+    return BodyRegion(distance < 0, distance, affine)
+
+
+def test_a_body_is_judged_before_it_is_meshed(monkeypatch):
+    """A femur tells its side by its voxels, all or some of them, a ball does not; what is far from them is missed."""
+    bone, stance = voxels(femur(CHILD).level, (-60, -30, -2), (60, 30, CHILD.length + 2)), load_case("stance")
+    check_on_body(stance, bone)
+    monkeypatch.setattr("gpubspline.analysis.loads._VOXELS", 1000)
+    check_on_body(stance, bone)
+    round_one = voxels(lambda at: np.linalg.norm(at, axis=-1) - 20, (-24, -24, -24), (25, 25, 25))
+    with pytest.raises(InputError, match="top lies in the middle: say axes"):
+        check_on_body(stance, round_one)
+    for part, caught in (
+        (Sphere((26, 0, 0), 1), True),  # what the mesh has beyond the voxels is not known yet
+        (Sphere((0, 60, 0), 20), False),
+        (Box((-5, -5, 40), (5, 5, 50)), False),
+        (Box((-5, -5, 15), (5, 5, 50)), True),
+        (HalfSpace((0, 0, 50), (0, 0, 1)), False),
+        (HalfSpace((0, 0, 10), (0, 0, 1)), True),
+        (Cap((0, 0, 1), 2.0), True),
+        (Patch((90, 0, 0), 5.0), True),  # which is asked about where it is meshed
+        (Side("w0"), True),
+    ):
+        case = LoadCase("test", (HELD,), (Force(region(part), (0, 0, 1)),))
+        if caught:
+            check_on_body(case, round_one)
+        else:
+            with pytest.raises(
+                InputError, match="'here' to catch a part of the body's surface, got none: the body spans x"
+            ):
+                check_on_body(case, round_one)
+
+
+def test_a_load_on_nothing_but_its_support_is_warned_of():
+    mesh, held = box(counts=(4, 4, 4)), Support(Region("w0", (Side("w0"),)), (True, False, True))
+    for push, warned in (
+        (Force(region(Side("w0")), (3, 0, -5)), True),
+        (Force(region(Side("w0")), (3, 1, -5)), False),  # y is free
+        (Force(region(Side("w1")), (3, 0, -5)), False),
+        (Pressure(region(Side("w0")), 2.0), True),
+        (Pressure(region(Side("surface")), 2.0), False),
+    ):
+        forces, pressures = ((push,), ()) if isinstance(push, Force) else ((), (push,))
+        made = assemble(LoadCase("test", (held,), forces, pressures), mesh)
+        assert [applied.held for applied in made.report] == [False, warned]
+        if warned:
+            with pytest.warns(GpubsplineWarning, match="on 'here' pushes nothing but nodes that are held"):
+                made.warn_of_held()
+        else:
+            made.warn_of_held()
 
 
 def test_stance_hardly_depends_on_the_mesh():
@@ -307,11 +367,11 @@ def test_meshes_of_one_body_are_loaded_at_the_same_places():
 
 def test_axes_of_a_femur_are_right_handed_or_mirrored():
     mesh = bone_mesh(CHILD)
-    np.testing.assert_array_equal(patient_axes("femur", mesh), patient_axes("left femur", mesh))
-    np.testing.assert_array_equal(patient_axes("right femur", mesh), [1, -1, 1])
-    np.testing.assert_array_equal(patient_axes("left femur", mesh), [-1, -1, 1])
+    np.testing.assert_array_equal(patient_axes("femur", mesh.points), patient_axes("left femur", mesh.points))
+    np.testing.assert_array_equal(patient_axes("right femur", mesh.points), [1, -1, 1])
+    np.testing.assert_array_equal(patient_axes("left femur", mesh.points), [-1, -1, 1])
     with pytest.raises(InputError, match="top lies in the middle: say axes"):
-        patient_axes("femur", box())
+        patient_axes("femur", box().points)
 
 
 CASE = """

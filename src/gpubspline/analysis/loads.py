@@ -4,6 +4,7 @@ Forces are consistent: f_a = integral of N_a t dA over the surface, of N_a rho g
 functions N_a of the elements, so that an even traction on hex8 and hex20 passes the patch test.
 """
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 from gpubspline.analysis.load_case import Force, LoadCase, Pressure, Support
 from gpubspline.analysis.load_case import load_case as load_case
 from gpubspline.analysis.load_case import load_cases as load_cases
-from gpubspline.analysis.regions import Flags, Floats, Surface, surfaces, width_mm
-from gpubspline.errors import InputError
+from gpubspline.analysis.regions import FAR_MM, Flags, Floats, Shell, Surface, surfaces, width_mm
+from gpubspline.ct.region import Region as BodyRegion
+from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.shown import brief
 
@@ -26,6 +28,9 @@ ROUNDING = 1e-6
 
 _ELEMENTS = 1 << 14
 """Elements integrated at a time, which bounds the memory."""
+
+_VOXELS = 1_000_000
+"""Voxels of a body, about, by which it is judged before it is meshed."""
 
 _TELLING = 0.05
 """Share of the width by which the head must lie off the middle for a femur to tell its side."""
@@ -43,6 +48,7 @@ class Applied:
     nodes: how many it holds or moves.
     force_n: (3,) total force, zero for a support, N, patient axes.
     centre_mm: (3,) mean of its points, mm.
+    held: whether a load pushes nothing but what is held where it pushes.
     """
 
     kind: str
@@ -51,6 +57,7 @@ class Applied:
     nodes: int
     force_n: Floats
     centre_mm: Floats
+    held: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -86,6 +93,17 @@ class AssembledLoads:
         """(3,) total of all loads, N."""
         return np.asarray(self.forces_n.sum(axis=0))
 
+    def warn_of_held(self) -> None:
+        """Warn of loads that go straight into a support and move nothing."""
+        for load in self.report:
+            if load.held:
+                warnings.warn(
+                    f"the {load.kind} on {load.region!r} pushes nothing but nodes that are held: it goes straight into "
+                    "the support",
+                    GpubsplineWarning,
+                    stacklevel=2,
+                )
+
     def moment_nmm(self, mesh: Mesh, about_mm: Floats | None = None) -> Floats:
         """(3,) total moment of all loads, N mm, about a point (3,), the origin where None."""
         arms = mesh.points.astype(np.float64) - (0.0 if about_mm is None else about_mm)
@@ -106,14 +124,14 @@ def assemble(case: LoadCase, mesh: Mesh, body: Mesh | None = None) -> AssembledL
     ``axes = "femur"`` no side.
     """
     body = mesh if body is None else body
-    axes = patient_axes(case.axes, body)
+    axes = patient_axes(case.axes, body.points)
     at_gauss, at_nodes = surfaces(mesh, axes, body)
     made = AssembledLoads(
         fixed=np.zeros((mesh.n_nodes, 3), dtype=np.bool_),
         prescribed_mm=np.zeros((mesh.n_nodes, 3)),
         forces_n=np.zeros((mesh.n_nodes, 3)),
         gripped=np.zeros(mesh.n_nodes, dtype=np.bool_),
-        away_mm=case.away * (width_mm(body) if case.away_of_width else 1.0),
+        away_mm=case.away * (width_mm(body.points) if case.away_of_width else 1.0),
         report=(),
     )
     report = [_hold(made, support, at_nodes, at_gauss, axes) for support in case.supports]
@@ -124,10 +142,30 @@ def assemble(case: LoadCase, mesh: Mesh, body: Mesh | None = None) -> AssembledL
     return replace(made, report=tuple(report))
 
 
-def patient_axes(axes: str, mesh: Mesh) -> Floats:
+def check_on_body(case: LoadCase, region: BodyRegion) -> None:
+    """Raise ``InputError`` where a load case cannot fit what a region will be meshed to, before it is.
+
+    Said of a femur without a side, and of regions farther than ``FAR_MM`` from the body; ``assemble`` finds the rest.
+    """
+    step = max(1, round(float(np.cbrt(np.count_nonzero(region.mask) / _VOXELS))))
+    k, j, i = (step * index for index in np.nonzero(region.mask[::step, ::step, ::step]))
+    points = np.stack([i, j, k], axis=1) @ region.affine[:3, :3].T + region.affine[:3, 3]
+    axes = patient_axes(case.axes, points, _TELLING / 2)
+    shell = Shell(points, axes, FAR_MM + step * float(np.linalg.norm(region.spacing_mm)))
+    acting: tuple[Support | Force | Pressure, ...] = (*case.supports, *case.forces, *case.pressures)
+    for each in acting:
+        each.region.check_near(shell)
+
+
+def patient_axes(axes: str, points: NDArray[Any], telling: float = _TELLING) -> Floats:
     """(3,) of 1 and -1, from the axes of a load case to the patient's: x to the left, y to the back, z to the head.
 
     Medial is to the right of a left femur (-x) and to the left of a right one (+x); anterior is -y.
+
+    Arguments
+    ---------
+    points: (n, 3) of the body, mm.
+    telling: share of the width by which the head must lie off the middle.
 
     Raises
     ------
@@ -136,17 +174,17 @@ def patient_axes(axes: str, mesh: Mesh) -> Floats:
     if axes == "patient":
         return np.ones(3)
     if axes == "femur":
-        axes = f"{_femur_side(mesh)} femur"
+        axes = f"{_femur_side(points, telling)} femur"
     return np.array([-1.0 if axes == "left femur" else 1.0, -1.0, 1.0])
 
 
-def _femur_side(mesh: Mesh) -> str:
+def _femur_side(points: NDArray[Any], telling: float) -> str:
     """Side of a proximal femur: its top, the head, lies medial of the middle of its upper third."""
-    x, z = mesh.planes[0].astype(np.float64), mesh.planes[2]
+    x, z = points[:, 0].astype(np.float64), points[:, 2]
     height = (z - z.min()) / max(float(np.ptp(z)), 1e-300)
     upper = x[height >= 2 / 3]
     off = float(x[height >= 0.9].mean() - (upper.min() + upper.max()) / 2)
-    if abs(off) < _TELLING * width_mm(mesh):
+    if abs(off) < telling * width_mm(points):
         raise InputError(
             "expected a femur along z whose head tells its side, got a body whose top lies in the middle: "
             'say axes = "left femur" or "right femur" in the load case'
@@ -184,8 +222,10 @@ def _push(made: AssembledLoads, load: Force | Pressure, surface: Surface, axes: 
         made.gripped[nodes] = True
     centre = np.einsum("fs,fsc->c", area, surface.points_mm) / total_mm2
     kind = "force" if isinstance(load, Force) else "pressure"
+    pushed = np.abs(on_nodes)
+    held = pushed.any() and not ((pushed > ROUNDING * pushed.max()) & ~made.fixed[nodes]).any()
     total = _without_rounding(on_nodes.sum(axis=(0, 1)), float(np.linalg.norm(on_samples, axis=2).sum()))
-    return Applied(kind, load.region.name, total_mm2, np.unique(nodes).size, total, centre)
+    return Applied(kind, load.region.name, total_mm2, np.unique(nodes).size, total, centre, bool(held))
 
 
 def _without_rounding(total_n: Floats, pushed_n: float) -> Floats:

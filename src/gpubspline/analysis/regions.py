@@ -83,8 +83,22 @@ class Surface:
         return np.asarray(size if self.weights is None else size * self.weights)
 
     @cached_property
+    def slack_mm(self) -> float:
+        """What the mesh's coordinates may be off by, and points that shape functions make of them, mm."""
+        return 32 * float(np.finfo(self.mesh.points.dtype).eps) * float(np.abs(self.mesh.points).max())
+
+    @cached_property
     def _nodes(self) -> Floats:
         return np.asarray(self.mesh.points[self.faces], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """Points (n, 3), mm, of a body whose surface is not there yet, but will be within ``slack_mm`` of them."""
+
+    points_mm: Floats
+    axes: Floats
+    slack_mm: float
 
 
 def surfaces(mesh: Mesh, axes: Floats, body: Mesh | None = None) -> tuple[Surface, Surface]:
@@ -149,6 +163,15 @@ class Region:
             )
         return inside
 
+    def check_near(self, shell: Shell) -> None:
+        """Raise InputError where a body that is not meshed yet has no point near to all of the region's bounds."""
+        bounds = [part.holds(shell) for part in self.parts if isinstance(part, Sphere | Box | HalfSpace)]
+        if bounds and not np.logical_and.reduce(bounds).any():
+            raise InputError(
+                f"expected the region {self.name!r} to catch a part of the body's surface, got none: the body spans "
+                + _spans(shell.points_mm)
+            )
+
     def _warn_of_far(self, patch: "Patch", surface: Surface) -> None:
         points, point = surface.mesh.points, np.array(patch.point_mm)
         away = float(np.linalg.norm(point - np.clip(point, points.min(axis=0), points.max(axis=0))))
@@ -158,9 +181,13 @@ class Region:
 
 
 def _place(surface: Surface) -> str:
-    low, high = surface.mesh.points.min(axis=0), surface.mesh.points.max(axis=0)
+    return f"the mesh spans {_spans(surface.mesh.points)}"
+
+
+def _spans(points: NDArray[Any]) -> str:
+    low, high = points.min(axis=0), points.max(axis=0)
     spans = (f"{c} {a:.1f} to {b:.1f}" for c, a, b in zip("xyz", low, high, strict=True))
-    return f"the mesh spans {', '.join(spans)} mm"
+    return f"{', '.join(spans)} mm"
 
 
 @dataclass(frozen=True)
@@ -195,9 +222,10 @@ class Sphere:
     centre_mm: Vector
     radius_mm: float
 
-    def holds(self, surface: Surface) -> Flags:
+    def holds(self, surface: Surface | Shell) -> Flags:
         """Hold up to the radius."""
-        return np.asarray(_distance(surface, self.centre_mm) <= self.radius_mm)
+        slack = surface.slack_mm if isinstance(surface, Shell) else 0.0
+        return np.asarray(_distance(surface, self.centre_mm) <= self.radius_mm + slack)
 
 
 @dataclass(frozen=True)
@@ -207,11 +235,11 @@ class Box:
     low_mm: Vector
     high_mm: Vector
 
-    def holds(self, surface: Surface) -> Flags:
+    def holds(self, surface: Surface | Shell) -> Flags:
         """Hold between the corners, to rounding of the mesh's coordinates."""
-        slack, points = _rounding(surface), surface.points_mm
+        slack, points = surface.slack_mm, surface.points_mm
         within = (points >= np.array(self.low_mm) - slack) & (points <= np.array(self.high_mm) + slack)
-        return np.asarray(within.all(axis=2))
+        return np.asarray(within.all(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -221,10 +249,10 @@ class HalfSpace:
     point_mm: Vector
     normal: Vector
 
-    def holds(self, surface: Surface) -> Flags:
+    def holds(self, surface: Surface | Shell) -> Flags:
         """Hold beyond the plane, to rounding of the mesh's coordinates."""
         normal = np.array(self.normal) * surface.axes / np.linalg.norm(self.normal)
-        slack = _rounding(surface)
+        slack = surface.slack_mm
         return np.asarray((surface.points_mm - np.array(self.point_mm)) @ normal >= -slack)
 
 
@@ -244,7 +272,7 @@ class Patch:
         """Hold near the foot."""
         distance = _distance(surface, self.point_mm)
         if self.radius_mm is not None:
-            return np.asarray(distance <= np.hypot(distance.min(), self.radius_mm) + _rounding(surface))
+            return np.asarray(distance <= np.hypot(distance.min(), self.radius_mm) + surface.slack_mm)
         if surface.weights is None:  # a node has no area of its own
             return Patch(self.point_mm, radius_mm=np.sqrt((self.area_mm2 or 0.0) / np.pi)).holds(surface)
         order = np.argsort(distance, axis=None)
@@ -274,8 +302,8 @@ class Cap:
         towards = np.array(self.towards) * surface.axes / np.linalg.norm(self.towards)
         height = surface.points_mm @ towards
         top = float((towards @ surface.body.planes.astype(np.float64)).max())
-        depth = self.depth * (width_mm(surface.body) if self.of_width else 1.0)
-        inside = height >= top - depth - _rounding(surface)
+        depth = self.depth * (width_mm(surface.body.points) if self.of_width else 1.0)
+        inside = height >= top - depth - surface.slack_mm
         if self.within_deg is None:
             return np.asarray(inside)
         along = surface.normals @ towards >= np.cos(np.radians(self.within_deg)) * np.linalg.norm(
@@ -284,15 +312,10 @@ class Cap:
         return np.asarray(inside & along)
 
 
-def width_mm(mesh: Mesh) -> float:
-    """Greater of a mesh's extents along x and y, mm: of a femur, from its head to its greater trochanter."""
-    return float(np.ptp(mesh.points[:, :2], axis=0).max())
+def width_mm(points: NDArray[Any]) -> float:
+    """Greater of the extents of points (n, 3) along x and y, mm: of a femur's, from its head to its trochanter."""
+    return float(np.ptp(points[:, :2], axis=0).max())
 
 
-def _distance(surface: Surface, point_mm: Sequence[float]) -> Floats:
-    return np.asarray(np.linalg.norm(surface.points_mm - np.array(point_mm), axis=2))
-
-
-def _rounding(surface: Surface) -> float:
-    """What the mesh's coordinates may be off by, and points that shape functions make of them, mm."""
-    return 32 * float(np.finfo(surface.mesh.points.dtype).eps) * float(np.abs(surface.mesh.points).max())
+def _distance(surface: Surface | Shell, point_mm: Sequence[float]) -> Floats:
+    return np.asarray(np.linalg.norm(surface.points_mm - np.array(point_mm), axis=-1))

@@ -94,6 +94,7 @@ def respond(
     clock = Clock() if clock is None else clock
     with clock.stage("load"):
         loads = assemble(case, mesh, body)
+        loads.warn_of_held()
     with clock.stage("solve"):
 
         def show(_iterations: int, residual: float) -> None:

@@ -29,8 +29,12 @@ def find_model(
     sampled: SamplingOptions,
     device: Any,
     clock: Any,
+    check: Callable[[Any], None],
 ) -> Solid:
-    """Read a mesh file, or make the mesh of a model file, a CT, or a surface in one."""
+    """Read a mesh file, or make the mesh of a model file, a CT, or a surface in one.
+
+    ``check`` is given a body that is found in CT, before it is meshed.
+    """
     from gpubspline import pipeline
     from gpubspline.export import can_read, read_mesh
     from gpubspline.spline.model import load_model
@@ -52,7 +56,7 @@ def find_model(
             patch = load_model(source[0])
         model = pipeline.sample_patch(patch, sampled.sampling(), device, clock)
         return Solid(model.mesh, laws=model.laws)
-    return _from_ct(source, read, region, method, spline, sampled, device, clock)
+    return _from_ct(source, read, region, method, spline, sampled, device, clock, check)
 
 
 def _from_ct(
@@ -64,6 +68,7 @@ def _from_ct(
     sampled: SamplingOptions,
     device: Any,
     clock: Any,
+    check: Callable[[Any], None],
 ) -> Solid:
     from gpubspline import methods, pipeline
     from gpubspline.surface.read import is_surface
@@ -74,6 +79,7 @@ def _from_ct(
     if is_surface(source[0]) and method.ct is None:
         raise InputError(f"expected --ct, which the material of {source[0].name} comes from, got a surface alone")
     body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
+    check(body.region)
     with clock.stage("method"):
         choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced)
     how = (choice, wanted, shaping, meshing, sampling, device, clock)
@@ -97,6 +103,7 @@ def make_model(
     ``sample`` makes the model of the tensor method's patch, as ``pipeline.sample_patch`` does.
     """
     from gpubspline import methods, pipeline
+    from gpubspline.spline.lattice import SMOOTHING
 
     if choice.method == "tensor":
         fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
@@ -106,7 +113,7 @@ def make_model(
         meshed = methods.mesh_body(body, choice, meshing, sampling, device, clock)
         model = pipeline.finish(meshed.mesh, sampling, device, clock, body, least_mm=meshed.least_mm)
         figures = pipeline.summarise(model, device, clock, body=body, choice=choice, meshed=meshed)
-    warn_of_shape(figures)
+    warn_of_shape(figures, shaping.row_smoothing > SMOOTHING)
     return model, figures
 
 
@@ -147,15 +154,18 @@ def find_any_body(
     return find_surface_body(source[0], method.ct, wanted, meshing, device, clock)
 
 
-def warn_of_shape(figures: dict[str, Any]) -> None:
-    """Warn of gaps that a mesh bridges or closes, and of parts of the body that it leaves out."""
+def warn_of_shape(figures: dict[str, Any], smoothed: bool = False) -> None:
+    """Warn of gaps that a mesh bridges or closes, and of parts of the body that it leaves out.
+
+    ``smoothed``: whether rows of the tensor method were smoothed more than by default.
+    """
     from gpubspline.cautions import warn_of_bridges, warn_of_lost, warn_of_volume
 
     lost, size_mm, less = figures["lost_features"] or [], figures["size_mm"], 0.0
     if figures["method"]["name"] == "tensor":
         for size in (figures["volume_mm3"], figures["area_mm2"]):
             if size["mesh"] is not None and size["region"]:
-                warn_of_bridges(size["mesh"], size["region"])
+                warn_of_bridges(size["mesh"], size["region"], smoothed)
     if figures["method"]["name"] == "blocks":
         volume = figures["volume_mm3"]
         less = 1 - volume["mesh"] / volume["region"]

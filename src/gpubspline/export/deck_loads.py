@@ -115,7 +115,7 @@ def place_loads(case: LoadCase, mesh: Mesh) -> Placed:
     """
     if mesh.element.dimension != 3:
         raise InputError(f"expected hexes to load, got {mesh.element_type}")
-    axes = patient_axes(case.axes, mesh)
+    axes = patient_axes(case.axes, mesh.points)
     at_gauss, at_nodes = surfaces(mesh, axes)
     outer = outer_faces(mesh)
     regions: dict[str, tuple[NDArray[np.int64], Faces]] = {}
@@ -141,6 +141,7 @@ def place_loads(case: LoadCase, mesh: Mesh) -> Placed:
 
 def _loads(case: LoadCase, mesh: Mesh, pressures: list[tuple[str, float]], axes: Floats) -> DeckLoads:
     everything = assemble(case, mesh)
+    everything.warn_of_held()
     left = tuple(load for load in case.pressures if (load.region.name, load.pressure_mpa) not in pressures)
     moved = any(any(support.displacement_mm) for support in case.supports)
     forces = np.zeros_like(everything.forces_n)

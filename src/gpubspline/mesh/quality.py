@@ -16,6 +16,9 @@ from gpubspline.shown import brief, shown
 COLUMN_CELLS = 64  # along w, along which a work item of a GPU goes
 TILE = 32  # of a GPU, as in its kernel
 TILE_ROWS = 4
+OTHER_WAYS = "other counts of control points, --optimize or 'gpubspline mesh --method blocks'"
+"""To a mesh without inverted elements, of one by the tensor method."""
+
 WORST = 10
 """How many of the worst elements a ``Quality`` names."""
 
@@ -155,14 +158,14 @@ class Quality:
     def _repr_html_(self) -> str:
         return str(shown("quality_html", self))
 
-    def check(self) -> None:
-        """Raise MeshError where an element is inverted: no solver takes it."""
+    def check(self, instead: str = OTHER_WAYS) -> None:
+        """Raise MeshError where an element is inverted: no solver takes it; ``instead`` is what may be tried."""
         if self.inverted:
             x, y, z = self.worst_centroids_mm[0]
             raise MeshError(
                 f"{self.inverted:,} of {self.n_elements:,} elements are inverted, the worst at "
-                f"({x:.4g}, {y:.4g}, {z:.4g}) mm; nothing is written: try other counts of control points, --optimize "
-                "or --method blocks, or ask for the mesh as it is by --allow-inverted"
+                f"({x:.4g}, {y:.4g}, {z:.4g}) mm; nothing is written: try {instead}, "
+                "or ask for the mesh as it is by --allow-inverted"
             )
 
     def to_dict(self) -> dict[str, Any]:

@@ -109,15 +109,16 @@ def draw_load_picture(
 
 def where_it_acts(mesh: Mesh, case: LoadCase) -> tuple[Surface, list[Acting]]:
     """Put a load case on a mesh and find the faces that each of its supports and loads catches; but for gravity."""
-    report = assemble(case, mesh).report
-    at_gauss, at_nodes = surfaces(mesh, patient_axes(case.axes, mesh))
+    loads = assemble(case, mesh)
+    loads.warn_of_held()
+    at_gauss, at_nodes = surfaces(mesh, patient_axes(case.axes, mesh.points))
     normal = at_gauss.normals.mean(axis=1)
     found = []
-    for support, applied in zip(case.supports, report, strict=False):
+    for support, applied in zip(case.supports, loads.report, strict=False):
         share = support.region.inside(at_nodes)[:, :4].mean(axis=1)
         found.append(Acting(applied, share, share @ normal))
     pushes: tuple[Force | Pressure, ...] = (*case.forces, *case.pressures)
-    for load, applied in zip(pushes, report[len(case.supports) :], strict=False):
+    for load, applied in zip(pushes, loads.report[len(case.supports) :], strict=False):
         area = at_gauss.areas_mm2
         share = np.where(load.region.inside(at_gauss), area, 0.0).sum(axis=1) / np.maximum(area.sum(axis=1), 1e-300)
         found.append(Acting(applied, share, share @ normal))

@@ -9,7 +9,7 @@ import numpy as np
 
 from gpubspline.device import Device
 from gpubspline.errors import InputError
-from gpubspline.files import whole_file
+from gpubspline.files import check_ending, whole_file
 from gpubspline.material.alarms import Alarms
 from gpubspline.material.calibration import Calibrated
 from gpubspline.material.laws import Law
@@ -149,6 +149,11 @@ def _pair(mesh: float | None, region: float | None) -> dict[str, float | None]:
 
 def _spread(values: Spread | None) -> dict[str, float] | None:
     return None if values is None else {"min": values.min, "max": values.max, "mean": values.mean}
+
+
+def check_json(path: Path) -> None:
+    """Raise ``InputError`` where ``path`` is not the name of a JSON file."""
+    check_ending(path, ".json", "figures")
 
 
 def write_summary(figures: dict[str, Any], path: str | Path) -> None:

@@ -7,7 +7,8 @@ import typer
 
 from gpubspline.cli.app import KNOW, command
 from gpubspline.cli.options.groups import option
-from gpubspline.files import check_writable
+from gpubspline.errors import InputError
+from gpubspline.files import check_apart, check_ending, check_writable
 
 
 @command(KNOW, "bench --quick", "bench --only material --device opencl:0:0 --json rows.json")
@@ -27,8 +28,13 @@ def bench(
     from gpubspline.bench import bench_scale, run
     from gpubspline.bench.measure import Row
 
-    for path in filter(None, (json, chart)):
-        check_writable(path)
+    for path, ending in ((json, ".json"), (chart, ".png")):
+        if path:
+            check_ending(path, ending, "the bench")
+            check_writable(path)
+    check_apart([path for path in (json, chart) if path])
+    if chart and only and "scale" not in only:
+        raise InputError(f"expected the bench 'scale' with --chart, which draws it, got {', '.join(only)}")
     rows: list[Row] = []
     measured = run.run(only or (), device or (), "quick" if quick else "full")
     typer.echo(run.heading())

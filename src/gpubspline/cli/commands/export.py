@@ -30,13 +30,15 @@ def export(
     """Write a mesh file in another format, with a load case and in the units of a solver."""
     from gpubspline.cli import describe
     from gpubspline.export import read_mesh, write
-    from gpubspline.report.summary import write_summary
+    from gpubspline.report.summary import check_json, write_summary
 
     run, written = RunOptions(quiet=quiet), [output, *([summary] if summary else [])]
     deck.check(output)
     for path in written:
         check_writable(path)
     check_apart(written, [mesh, *deck.inputs])
+    if summary:
+        check_json(summary)
     if thickness is not None and not 0 < thickness < float("inf"):
         raise InputError(f"expected --thickness above 0 mm, got {thickness:g}")
     with run.clock() as clock:

@@ -47,12 +47,14 @@ def _compare(run: RunOptions, model: Path, output: Path | None, summary: Path | 
     from gpubspline.material.registry import laws as registered
     from gpubspline.report.law_comparison import write_law_comparison
     from gpubspline.report.sheet import check_png
-    from gpubspline.report.summary import write_summary
+    from gpubspline.report.summary import check_json, write_summary
 
     written = [path for path in (output, summary) if path]
     for path in written:
         check_writable(path)
     check_apart(written, [model])
+    if summary:
+        check_json(summary)
     if output:
         check_png(output)
     device = run.open()

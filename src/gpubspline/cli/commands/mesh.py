@@ -43,7 +43,7 @@ def mesh(
 ) -> None:
     """Make a mesh with material from CT, or from a closed surface."""
     from gpubspline import methods
-    from gpubspline.analysis.load_case import load_case
+    from gpubspline.analysis.loads import check_on_body, load_case
     from gpubspline.cautions import warn_of_weight
     from gpubspline.cli import describe
     from gpubspline.material.laws import common_kind
@@ -70,6 +70,8 @@ def mesh(
         raise InputError(f"expected a CT for the tensor method ({implied.why}), got a surface: butterfly or blocks")
     with run.clock() as clock:
         body = find_any_body(source, wanted, read, region, method, meshing, device, clock)
+        if deck.load is not None and not sliced:
+            check_on_body(load_case(deck.load), body.region)
         with clock.stage("method"):
             choice = methods.choose(body, meshing, shaping, sampling, spline.axis, device, sliced, structured)
         how = (choice, wanted, shaping, meshing, sampling, device, clock)

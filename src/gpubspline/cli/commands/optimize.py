@@ -39,13 +39,15 @@ def optimize(
     from gpubspline.mesh.optimize import optimize as improved
     from gpubspline.mesh.quality import assess
     from gpubspline.report.page.compared import compared
-    from gpubspline.report.summary import write_summary
+    from gpubspline.report.summary import check_json, write_summary
 
     written = [output, *([summary] if summary else [])]
     for path in written:
         check_writable(path)
     check_apart(written, [mesh])
     page.check([mesh, *written])
+    if summary:
+        check_json(summary)
     device = run.open()
     with run.clock() as clock:
         with clock.stage("read"):
@@ -54,7 +56,7 @@ def optimize(
             made, report = improved(found, device, boundary=surface)
             made, judged = assess(made, device)
         if not allow_inverted:
-            judged.check()
+            judged.check("--surface slide" if surface == "stay" else "'gpubspline mesh --method blocks'")
         with clock.stage("write"):
             write(made, output)
         figures = {**describe.quality_figures(made, judged, None), "optimized": report.to_dict()}

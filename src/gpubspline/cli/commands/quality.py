@@ -31,13 +31,15 @@ def quality(
     from gpubspline.mesh.validity import certify
     from gpubspline.report.histogram import write_histogram
     from gpubspline.report.sheet import check_png
-    from gpubspline.report.summary import write_summary
+    from gpubspline.report.summary import check_json, write_summary
 
     written = [path for path in (summary, histogram) if path]
     for path in written:
         check_writable(path)
     check_apart(written, [mesh])
     page.check([mesh, *written])
+    if summary:
+        check_json(summary)
     if histogram:
         check_png(histogram)
     device = run.open()

@@ -47,6 +47,7 @@ def solve(
     run: RunOptions,
 ) -> None:
     """Solve a mesh under a load case: displacement, reactions and stress."""
+    from gpubspline.analysis.loads import check_on_body
     from gpubspline.analysis.response import respond
     from gpubspline.cautions import warn_of_weight
     from gpubspline.cli import describe
@@ -58,7 +59,8 @@ def solve(
     method.check([*inputs, *wanted.paths])
     page.check([*inputs, *wanted.paths, *method.paths])
     with run.clock() as clock:
-        solid = find_model(source, read, region, method, spline, sampled, device, clock)
+        fits = partial(check_on_body, case)
+        solid = find_model(source, read, region, method, spline, sampled, device, clock, fits)
         if solid.laws:
             warn_of_weight(case.gravity_mm_s2 is not None, common_kind(solid.laws.values()))
         response = respond(solid.mesh, case, device, clock, **wanted.how())

@@ -43,6 +43,7 @@ def study(
 ) -> None:
     """Solve meshes of growing density of one body: what converges, to what, how fast. Run again, it goes on."""
     from gpubspline.analysis.convergence import converge
+    from gpubspline.analysis.loads import check_on_body
     from gpubspline.analysis.study import identity, run_study
     from gpubspline.cli import describe, describe_study
     from gpubspline.pipeline import calibrate, label_arrays, sample_material
@@ -53,6 +54,8 @@ def study(
         raise InputError("expected a --law LABEL=LAW with --labels, which a study has no other use for, got none")
     with run.clock() as clock:
         patch, body = _body(source, read, region, spline, sampled.surface_depth, device, clock)
+        if body is not None:
+            check_on_body(studied.case, body.region)
         labels = [] if body is None else label_arrays(sampling, body)
         sampling, _ = calibrate(sampling, body)  # once, and the key has what came of it, not where its files lie
 

@@ -52,6 +52,7 @@ class OutputOptions:
     def check(self, inputs: Sequence[Path] = (), deck: DeckOptions | None = None) -> None:
         """Raise InputError where a file could not be written, or would replace another or one of the inputs."""
         from gpubspline.report.sheet import check_png
+        from gpubspline.report.summary import check_json
 
         self._deck = deck or DeckOptions()
         self._deck.check(self.output)
@@ -60,6 +61,8 @@ class OutputOptions:
         check_apart(self.paths, [*inputs, *self._deck.inputs])
         for path in filter(None, (self.picture, self.histogram)):
             check_png(path)
+        if self.summary:
+            check_json(self.summary)
 
     def structured(self, deck: DeckOptions) -> bool:
         """Whether the output is of a format that holds structured meshes only."""

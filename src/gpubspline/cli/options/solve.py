@@ -48,11 +48,14 @@ class SolveOptions:
         """Read the load case; raises InputError, too, where a file could not be written or would replace an input."""
         from gpubspline.analysis.load_case import load_case
         from gpubspline.export import check_holds_fields
+        from gpubspline.report.summary import check_json
 
         check_holds_fields(self.output)
         for path in self.paths:
             check_writable(path)
         check_apart(self.paths, [*inputs, Path(self.load)])
+        if self.summary:
+            check_json(self.summary)
         return load_case(self.load)
 
     def how(self) -> dict[str, Any]:
