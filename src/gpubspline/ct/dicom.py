@@ -19,6 +19,7 @@ from pydicom.uid import HTJ2K, ExplicitVRLittleEndian, HTJ2KLossless, HTJ2KLossl
 from gpubspline.ct.series import UNREADABLE, choose_series, read_headers
 from gpubspline.ct.slices import Slice, slices_of
 from gpubspline.ct.spacing import describe_spacings, is_uniform, missing_slices, resample_slices, uniform_positions
+from gpubspline.ct.traits import SAME_PLACE_MM, difference, parse_choice
 from gpubspline.ct.volume import AIR_HU, Volume
 from gpubspline.errors import GpubsplineWarning, InputError
 
@@ -40,13 +41,15 @@ def read_dicom(
     Arguments
     ---------
     paths: files; what is not DICOM among them is left out.
-    series: SeriesInstanceUID to read instead of the CT series of the most images.
+    series: SeriesInstanceUID to read instead of the CT series of the most images, or what its images have, such as
+        ``"kernel=B30f"``, or both with a comma between; see ``traits.KEYWORDS``.
     allow_gaps: fill missing slices by interpolation instead of raising.
     progress: called with the number of slices decoded and their total.
 
     Raises
     ------
-    InputError where no CT series is among the files, one is damaged, a slice is missing or images do not match.
+    InputError where no CT series is among the files, one is damaged, a slice is missing, images do not match or are of
+    several reconstructions of one body.
 
     Warns
     -----
@@ -54,9 +57,10 @@ def read_dicom(
     were resampled to even spacing.
     """
     found: list[str] = []
+    choice = parse_choice(series)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pydicom's: attributes that break the standard's rules are no concern here
-        slices = slices_of(choose_series(read_headers(paths), series, found), found)
+        slices = slices_of(choose_series(read_headers(paths), choice, found), found, choice)
         hu = _decode(slices, progress)
     slices, hu = _drop_doubles(slices, hu, found)
     hu, affine = _place(slices, hu, allow_gaps, found)
@@ -187,12 +191,13 @@ def _as_stored(value: int, dataset: Dataset) -> int:
 def _drop_doubles(slices: list[Slice], hu: NDArray[Any], found: list[str]) -> tuple[list[Slice], NDArray[Any]]:
     """Leave out slices that repeat the one before them in place and in every pixel."""
     along = _along(slices)
-    doubled = np.flatnonzero(np.diff(along) < 0.01)  # mm; CT slices are 0.1 mm apart at the least
+    doubled = np.flatnonzero(np.diff(along) < SAME_PLACE_MM)
     for k in doubled:
         if not np.array_equal(hu[k], hu[k + 1]):
             raise InputError(
                 f"expected one image at each position, got different ones at {along[k]:.4g} mm "
-                f"({_image_name(slices[k])}, {_image_name(slices[k + 1])}): keep one phase of the series"
+                f"({_image_name(slices[k])}, {_image_name(slices[k + 1])}): "
+                + (difference(slices[k].traits, slices[k + 1].traits) or "keep one phase of the series")
             )
     if not len(doubled):
         return slices, hu

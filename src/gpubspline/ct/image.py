@@ -48,7 +48,8 @@ def read_volume(
     ---------
     source: a folder of DICOM files (subfolders too), a list of them, or one file: DICOM, NIfTI or either file of
         an Analyze or NIfTI pair, NRRD, MetaImage or ``.npy`` of shape (k, j, i).
-    series: SeriesInstanceUID to read from DICOM instead of the largest CT series.
+    series: SeriesInstanceUID to read from DICOM instead of the largest CT series, or traits of its images, such as
+        ``"kernel=B30f"``.
     allow_gaps: fill missing DICOM slices by interpolation instead of raising.
     spacing_mm: distances between voxel centres along i, j, k; for ``.npy``, which does not carry them.
     progress: called with the number of DICOM slices decoded and their total.

@@ -2,7 +2,7 @@
 
 import struct
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from pydicom.dataset import Dataset
 from pydicom.errors import BytesLengthException, InvalidDicomError
 from pydicom.uid import CTImageStorage, EnhancedCTImageStorage, LegacyConvertedEnhancedCTImageStorage
 
+from gpubspline.ct.traits import KEYWORDS, Choice, traits_of
 from gpubspline.errors import InputError
 
 UNREADABLE = (
@@ -56,6 +57,9 @@ _TAGS: list[Any] = [
     "ModalityLUTSequence",
     "SharedFunctionalGroupsSequence",
     "PerFrameFunctionalGroupsSequence",
+    "MultienergyCTCharacteristicsSequence",
+    "RealWorldValueMappingSequence",
+    *(keyword for keywords in KEYWORDS.values() for keyword in keywords),
 ]
 
 
@@ -81,6 +85,10 @@ class Header:
     def n_frames(self) -> int:
         """Images in the file."""
         return int(self.dataset.get("NumberOfFrames") or 1)
+
+    def may_be(self, choice: Choice) -> bool:
+        """Whether an image of the traits that are chosen may be in the file; frames have theirs each."""
+        return self.n_frames > 1 or choice.takes(traits_of(self.dataset.get))
 
 
 def _sop_class(dataset: Dataset) -> str:
@@ -137,18 +145,21 @@ def read_headers(paths: Sequence[Path]) -> list[Header]:
     return headers
 
 
-def choose_series(headers: Iterable[Header], series: str | None = None, told: list[str] | None = None) -> list[Header]:
-    """Take the CT series of the most images, or the one with the given SeriesInstanceUID.
+def choose_series(
+    headers: Sequence[Header], choice: Choice | None = None, told: list[str] | None = None
+) -> list[Header]:
+    """Take the CT series of the most images, or the one with the given SeriesInstanceUID, of the traits chosen.
 
     Others that may have been meant, such as another reconstruction, are told in words in ``told``, without their UIDs.
 
     Raises InputError where no series is CT, saying what came, or where none has the UID, naming those that are there.
     """
     groups: dict[tuple[str, str], list[Header]] = defaultdict(list)
-    for header in headers:
+    choice = choice or Choice()
+    for header in [header for header in headers if header.may_be(choice)] or headers:  # which is told of later
         groups[header.series, header.modality].append(header)
-    if series is not None:
-        return _named_series(groups, series)
+    if choice.uid is not None:
+        return _named_series(groups, choice.uid)
     sizes = {key: sum(h.n_frames for h in group) for key, group in groups.items()}
     ct = [key for key in groups if key[1] == "CT"]
     if not ct:
@@ -171,12 +182,19 @@ def choose_series(headers: Iterable[Header], series: str | None = None, told: li
 def _named_series(groups: dict[tuple[str, str], list[Header]], series: str) -> list[Header]:
     chosen = [(modality, group) for (uid, modality), group in groups.items() if uid == series]
     if not chosen:
-        there = ", ".join(f"{uid or '(empty)'} ({modality}, {len(g)} files)" for (uid, modality), g in groups.items())
+        there = ", ".join(
+            f"{uid or '(empty)'} ({modality}, {len(g)} files{_kernels(g)})" for (uid, modality), g in groups.items()
+        )
         raise InputError(f"expected a series among {there}, got {series}")
     for modality, group in chosen:
         if modality == "CT":
             return group
     raise InputError(f"expected a CT series, got {series}, which is {chosen[0][0]}")
+
+
+def _kernels(group: Sequence[Header]) -> str:
+    known = sorted({traits_of(header.dataset.get).get("kernel", "") for header in group} - {""})
+    return f", kernel {', '.join(known)}" if known else ""
 
 
 def _line(error: BaseException) -> str:

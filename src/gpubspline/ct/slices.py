@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from pydicom.dataset import Dataset
 
 from gpubspline.ct.series import Header
+from gpubspline.ct.traits import Choice, Traits, check_one_reconstruction, multi_energy_words, traits_of
 from gpubspline.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -34,6 +36,7 @@ class Slice:
     thickness_mm: spacing between slices as stated, else the slice thickness, else 1.
     slope, intercept: from stored values to HU (PS3.3 C.11.1).
     frame_of_reference: UID, empty where there is none (PS3.3 C.7.4.1).
+    traits: kernel, voltage and what else images of one series may differ by.
     """
 
     path: Path
@@ -48,6 +51,7 @@ class Slice:
     intercept: float
     frame_of_reference: str = ""
     n_frames: int = 1
+    traits: Traits = field(default_factory=dict)
 
     @property
     def normal(self) -> Floats:
@@ -55,25 +59,33 @@ class Slice:
         return np.cross(self.along_row, self.along_column)
 
 
-def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
+def slices_of(headers: Sequence[Header], left_out: list[str], choice: Choice | None = None) -> list[Slice]:
     """Describe every image of a series but its localisers, sorted by position along the common normal.
 
-    What is left out, or not known, is told in words in ``left_out``.
+    What is left out, or not known, is told in words in ``left_out``. Of a choice with traits only its images are there.
 
-    Raises InputError where images have no place or differ in size, pixel spacing or orientation.
+    Raises InputError where images have no place or differ in size, pixel spacing or orientation, are of several
+    reconstructions of one place, or none is of the choice.
     """
     slices: list[Slice] = []
     localisers = bare = 0
-    types = set[str]()
+    types, others = set[str](), Counter[str]()
     for header in headers:
         for frame in range(header.n_frames):
             groups = _functional_groups(header, frame)
             if "LOCALIZER" in _image_type(groups):
                 localisers += 1
-            else:
-                slices.append(_slice(header, frame, groups))
+                continue
+            traits = traits_of(partial(_attribute, groups))
+            if choice is None or choice.takes(traits):
+                slices.append(replace(_slice(header, frame, groups), traits=traits))
                 bare += _attribute(groups, "RescaleIntercept") is None
-                types.add(str(_attribute(groups, "RescaleType") or "HU").upper())
+                types.add(_unit(groups))
+            else:
+                others[" ".join(f"{name} {traits.get(name, '-')}" for name in choice.traits)] += 1
+    if others and not slices and choice is not None:
+        there = ", ".join(f"{words} ({count})" for words, count in sorted(others.items()))
+        raise InputError(f"expected images of {choice.words} in the series, got {there}")
     if not slices:
         raise InputError(f"expected CT slices, got a series of {localisers} localisers: choose another series")
     if localisers:
@@ -81,20 +93,22 @@ def slices_of(headers: Sequence[Header], left_out: list[str]) -> list[Slice]:
     if bare:  # what scanners store is often HU + 1024
         left_out.append(f"no rescale intercept in {bare} of {len(slices)} images: stored values are taken for HU")
     if types - _HU_TYPES:  # such as maps of iodine or of electron density, of spectral scanners
-        others = ", ".join(sorted(types - _HU_TYPES))
-        left_out.append(f"the series is rescaled to {others}, not to HU: its values are taken for HU")
+        units = ", ".join(sorted(types - _HU_TYPES))
+        left_out.append(f"the series is rescaled to {units}, not to HU: its values are taken for HU")
+    left_out += multi_energy_words([item.traits for item in slices])
     slices = _one_orientation(slices, left_out)
     _check_one("size", [f"{s.shape[1]}x{s.shape[0]}" for s in slices])
     _check_one("pixel spacing", [f"{s.spacing_mm[0]:.4g}x{s.spacing_mm[1]:.4g} mm" for s in slices])
-    normal = slices[0].normal
-    return sorted(slices, key=lambda s: float(s.position @ normal))
+    along = np.array([item.position @ slices[0].normal for item in slices])
+    check_one_reconstruction(along, [item.traits for item in slices], left_out)
+    return [slices[n] for n in np.argsort(along, kind="stable")]
 
 
 def _functional_groups(header: Header, frame: int) -> list[Dataset]:
     """Where an attribute of one frame may stand: its own groups, the shared ones, the data set (PS3.3 C.7.6.16)."""
     dataset = header.dataset
     if header.n_frames == 1 and "PerFrameFunctionalGroupsSequence" not in dataset:
-        return [dataset]
+        return [dataset, *(dataset.get("MultienergyCTCharacteristicsSequence") or [])[:1]]
     own = dataset.get("PerFrameFunctionalGroupsSequence") or []
     if len(own) != header.n_frames:
         raise InputError(
@@ -114,6 +128,17 @@ def _attribute(groups: Sequence[Dataset], keyword: str) -> Any:
         if value is not None and value != "":
             return value
     return None
+
+
+def _unit(groups: Sequence[Dataset]) -> str:
+    """What stored values are rescaled to, or else what their real-world values are (PS3.3 C.7.6.16.2.11)."""
+    named = _attribute(groups, "RescaleType")
+    mapped = _attribute(groups, "RealWorldValueMappingSequence")
+    for mapping in [*(mapped or []), *groups] if named is None else []:
+        for code in mapping.get("MeasurementUnitsCodeSequence") or []:
+            value = str(code.get("CodeValue") or "")
+            return "HU" if "hnsf" in value.lower() else value
+    return str(named or "HU").upper()
 
 
 def _image_type(groups: Sequence[Dataset]) -> set[str]:

@@ -12,7 +12,8 @@ class ReadOptions:
     """How a CT is read."""
 
     series: Annotated[
-        str | None, option("Input", "SeriesInstanceUID (default: the largest CT series)", metavar="UID")
+        str | None,
+        option("Input", "SeriesInstanceUID, or kernel=B30f (default: the largest CT series)", metavar="UID|NAME=VALUE"),
     ] = None
     allow_gaps: Annotated[bool, option("Input", "fill missing slices by interpolation", "--allow-gaps")] = False
     spacing: Annotated[
