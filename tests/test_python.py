@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import pickle
 import pydoc
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -65,6 +66,31 @@ def test_threads_share_a_device(device: Any) -> None:
     alone = [judged(n) for n in sizes]
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(judged, sizes)) == alone
+
+
+@pytest.mark.parametrize(("backend", "guarded"), [("warp:cpu", "_overload"), ("opencl", "_enqueue")])
+def test_what_threads_may_not_do_at_once_they_do_in_turn(backend: str, guarded: str) -> None:
+    """Compile by Warp, whose modules break; set the arguments of an OpenCL kernel, which keeps those of the last."""
+    device: Any = copy.copy(gb.open_device(backend))
+    device._commands, at_once, most = {}, [], []
+    whole = getattr(device, guarded)
+
+    def slow(*args: Any) -> Any:
+        at_once.append(args)
+        most.append(len(at_once))
+        time.sleep(0.02)
+        at_once.pop()
+        return whole(*args)
+
+    buffers = [(n, device.put(np.full(n, 3.0)), device.put(np.zeros(n))) for n in range(100, 108)]
+
+    def double(n: int, x: Any, y: Any) -> None:
+        device.launch("vectors.combine", n, x, 2.0, 0.0, n, y)
+
+    setattr(device, guarded, slow)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(double, *zip(*buffers, strict=True)))
+    assert max(most) == 1 and all(np.all(device.get(y) == 6) for _, _, y in buffers)
 
 
 def _judged_in_a_child(backend: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,7 @@ class OpenCLDevice(Named):
         # a process that ends, interrupted perhaps, while PoCL's threads still run a kernel crashes in them
         weakref.finalize(self, self._queue.finish)
         self._kernels: dict[str, _Found] = {}
+        self._one_at_a_time = Lock()
 
     def put(self, array: Any) -> OpenCLBuffer:
         """Upload, the last index fastest; what is on an OpenCL device already comes back as it is."""
@@ -158,7 +160,8 @@ class OpenCLDevice(Named):
             group = group or (min(found.most, -(-shape[0] // GPU_ROW) * GPU_ROW), *[1] * (len(shape) - 1))
             shape[0] = -(-shape[0] // group[0]) * group[0]
         inputs = (value.memory if isinstance(value, OpenCLBuffer) else value for value in args)
-        self._enqueue(found.function, tuple(shape), group, *inputs)
+        with self._one_at_a_time:  # a kernel keeps its arguments, which another thread would change before it starts
+            self._enqueue(found.function, tuple(shape), group, *inputs)
 
     def _enqueue(self, command: Callable[..., Any], *args: Any) -> None:
         """Send what makes a GPU's driver find the memory of buffers that were reserved before."""

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from math import prod
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ def _cuda_driver() -> bool:
 
 CPU_LANES = (32, 8, 1)  # the most that a row holds
 GPU_BLOCK = 256  # threads of a GPU that share a cache
+_BUILDING = Lock()  # which all devices share, as Warp's modules: two threads that compile at once break them
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,13 +171,22 @@ class WarpDevice(Named):
         kinds = (kernel, lanes, *(getattr(value, "dtype", type(value)) for value in args))
         values = [value.packed if isinstance(value, WarpBuffer) else value for value in args]
         commands = self._commands.get(kinds)
-        if commands is None:  # the first launch compiles, which two threads must not do at once
-            self.on_build(kernel)
-            commands = _Commands(self._overload(found.function, lanes, args), [])
-            commands.idle.append(self._command(commands.function, shape, [*values, 0, *last]))
-            self.on_build("")
-            self._commands[kinds] = commands
+        if commands is None:
+            with _BUILDING:
+                commands = self._commands.get(kinds) or self._build(found, kinds, args, shape, [*values, 0, *last])
         self._launch_shares(commands, shape, values, last)
+
+    def _build(
+        self, found: _Found, kinds: tuple[Any, ...], args: tuple[Any, ...], shape: tuple[int, ...], values: list[Any]
+    ) -> _Commands:
+        """Make the first launch of a kernel for arguments of some types, which compiles it."""
+        kernel, lanes = kinds[:2]
+        self.on_build(kernel)
+        commands = _Commands(self._overload(found.function, lanes, args), [])
+        commands.idle.append(self._command(commands.function, shape, values))
+        self.on_build("")
+        self._commands[kinds] = commands
+        return commands
 
     def _find(self, kernel: str) -> _Found:
         """Look a kernel up, once; by ``REGISTER`` a module of kernels wants vectors of so many bytes on a CPU."""
