@@ -59,6 +59,10 @@ def test_a_side_holds_exactly_the_nodes_that_lie_on_it(element_type):
     for side in mesh.element.sides:
         on_side = np.flatnonzero(mesh.points[:, "uvw".index(side[0])] == float(side[1]))
         np.testing.assert_array_equal(np.unique(mesh.boundary(side)), on_side)
+        np.testing.assert_array_equal(mesh.boundary_nodes(side), on_side)
+    on_any = np.flatnonzero(np.isin(mesh.points[:, : mesh.element.dimension], (0, 1)).any(axis=1))
+    for each in (mesh, Mesh(mesh.points, element_type, connectivity=mesh.cells)):
+        np.testing.assert_array_equal(each.boundary_nodes(), on_any)
 
 
 @pytest.mark.parametrize("element_type", [name for name in MESHABLE if name.startswith("hex")])

@@ -216,6 +216,21 @@ def test_values_on_and_over_the_edges_are_kept():
     assert quality.counts.tolist() == [2, 0, 0, 0, 1, 0, 0, 0, 0, 2]
 
 
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_the_summary_is_what_sorting_gives(real):
+    mesh = smooth_mesh("quad4", (102, 102))
+    edges, rng = np.arange(11) / 10, np.random.default_rng(8)
+    ties = np.concatenate([edges, np.nextafter(edges, -2), np.nextafter(edges, 2)])
+    values = rng.permutation(np.resize(np.concatenate([rng.uniform(-1, 1, 9000), ties]), mesh.n_elements)).astype(real)
+    quality, exact = summarise(mesh, values), values.astype(np.float64)
+    assert quality.worst.tolist() == np.argsort(exact, kind="stable")[:10].tolist()
+    found = quality.fraction_below_0_1, quality.fraction_below_0_2, quality.fraction_above_0_5, quality.mean
+    expected = np.mean(exact < 0.1), np.mean(exact < 0.2), np.mean(exact > 0.5), exact.mean()
+    assert found == pytest.approx(expected, rel=1e-12)
+    bins = np.searchsorted(edges[1:-1], exact[exact > 0], side="left")
+    assert quality.counts.tolist() == np.bincount(bins, minlength=10).tolist()
+
+
 def test_summary_of_other_elements_is_refused():
     with pytest.raises(InputError, match="198 elements"):
         summarise(smooth_mesh("quad4"), np.zeros(5))

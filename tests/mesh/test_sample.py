@@ -44,6 +44,15 @@ def test_the_papers_counts(nodes, elements, device):
     assert mesh.points.dtype == device.real
 
 
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_ring_of_few_control_points_is_mirrored_by_its_volume(turn, device):
+    """Both ends of it are one section, and a few samples say which side is out."""
+    angle, radius, height = np.meshgrid(turn * 2 * np.pi * np.arange(5) / 4, [10, 20], [0, 5], indexing="ij")
+    control = np.stack([radius * np.cos(angle), radius * np.sin(angle), height, 0 * angle], axis=-1)
+    mesh = sample(hyperpatch(control, (4, 1, 1)), (40, 3, 3), device=device)
+    assert mesh.volume_mm3 > 0
+
+
 @pytest.mark.parametrize(
     ("nodes", "order", "message"),
     [

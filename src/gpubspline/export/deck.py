@@ -164,7 +164,7 @@ def _with_sides(mesh: Mesh) -> Mesh:
     """Name the sides of a structured mesh, which a file that it was read from need not."""
     if mesh.structure is None or mesh.element.dimension == 2:
         return mesh
-    sides = {side: np.unique(mesh.boundary(side)) for side in mesh.element.sides if side not in mesh.node_sets}
+    sides = {side: mesh.boundary_nodes(side) for side in mesh.element.sides if side not in mesh.node_sets}
     if not sides:
         return mesh
     known = {**mesh.node_sets, **sides}

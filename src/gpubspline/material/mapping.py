@@ -183,15 +183,15 @@ def apply_material(
     nodal = map_material(mesh.fields["HU"], law, policy=policy, device=device, **floor)
     # nodes on both sides of a gap are in range while their mean is not: elements are never refused
     element = map_material(_element_means(mesh, "HU"), law, device=device).piece
-    outside = np.zeros_like(element) if policy == "floor" else -element
     fields = {"density_g_cm3": nodal.density_g_cm3, "E_MPa": nodal.modulus_mpa, "nu": nodal.poisson}
-    material = np.where(element < 0, outside, element + 1)
+    material = np.maximum(element + 1, 0 if policy == "floor" else -element)  # -1 - index becomes 0 or 1 + index
     return mesh.with_fields(fields).with_cell_fields({"material": material}), nodal
 
 
 def _element_means(mesh: Mesh, field: str) -> NDArray[Any]:
     """Mean of a nodal field over the corners of each element, (m,); a structured mesh stays without its table."""
     values = mesh.fields[field]
+    values = values.astype(np.result_type(values, np.float32), copy=False)
     if mesh.connectivity is not None:
         return np.asarray(values[mesh.connectivity[:, : mesh.element.n_corners]].mean(axis=1))
     assert mesh.structure is not None
@@ -199,5 +199,7 @@ def _element_means(mesh: Mesh, field: str) -> NDArray[Any]:
     means = np.reshape(values if corners is None else values[corners], mesh.structure, order="F")
     for axis in range(means.ndim):
         along = np.moveaxis(means, axis, 0)
-        means = np.moveaxis((along[:-1] + along[1:]) / 2, 0, axis)
-    return means.ravel(order="F")
+        means = np.moveaxis(along[:-1] + along[1:], 0, axis)
+    means = means.ravel(order="F")
+    means *= means.dtype.type(0.5**mesh.element.dimension)
+    return means

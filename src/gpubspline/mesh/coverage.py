@@ -155,7 +155,7 @@ def _clusters(places: Floats, distances: Floats, reach: float) -> tuple[tuple[tu
 
 def _off_surface(mesh: Mesh, region: Region, limit_mm: float, device: Device) -> tuple[int, float]:
     """Surface nodes off the region's surface, those of ends that the scan cuts left out."""
-    nodes = np.unique(mesh.boundary())
+    nodes = mesh.boundary_nodes()
     points = mesh.points[nodes].astype(np.float64)
     inverse = np.linalg.inv(region.affine)
     index = points @ inverse[:3, :3].T + inverse[:3, 3]

@@ -23,13 +23,25 @@ def enclosed_volume_mm3(planes: NDArray[Any], faces: NDArray[Any], face_type: st
     faces: (f, k) node numbers.
     face_type: quad4, quad8 or quad9.
     """
-    centre = planes.mean(axis=1, dtype=np.float64)
+    centre, total = planes[:, :1].astype(np.float64), 0.0  # of coordinates: any place in the body
     at, weights = ELEMENTS[face_type].gauss()
-    total = 0.0
     for first in range(0, len(faces), _CHUNK):
-        x, normal = _faces_at(planes, faces[first : first + _CHUNK], face_type, at, centre)
-        total += float(np.einsum("cgf,cgf,g->", x, normal, weights))
-    return total / 3
+        part = faces[first : first + _CHUNK]
+        if face_type == "quad4":
+            total += _below_bilinear(planes, part, centre)
+            continue
+        x, normal = _faces_at(planes, part, face_type, at, centre[:, 0])
+        total += float(np.einsum("cgf,cgf,g->", x, normal, weights)) / 3
+    return total
+
+
+def _below_bilinear(planes: NDArray[Any], faces: NDArray[Any], centre: NDArray[np.float64]) -> float:
+    """Volume between a centre and bilinear quads: the mean of what either pair of triangles gives, a twelfth of
+    (a x b) . (c + d) + (a + b) . (c x d), as the product of a bilinear place and its normal integrates.
+    """
+    a, b, c, d = (planes[:, corner].astype(np.float64) - centre for corner in faces.T)
+    one, other = np.cross(a, b, axis=0), np.cross(c, d, axis=0)
+    return float(np.einsum("cf,cf", one, c + d) + np.einsum("cf,cf", a + b, other)) / 12
 
 
 def area_vector_mm2(planes: NDArray[Any], faces: NDArray[Any], face_type: str) -> tuple[float, NDArray[np.float64]]:

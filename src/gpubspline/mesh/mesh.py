@@ -165,6 +165,16 @@ class Mesh:
             return structure.faces_of(self.element, self.structure, elements, sides)
         return np.take_along_axis(self.cells_of(elements), np.array(list(self.element.sides.values()))[sides], axis=1)
 
+    def boundary_nodes(self, side: str | None = None) -> NDArray[np.int32]:
+        """Numbers (k,) int32, ascending, of the nodes of ``boundary``; arguments and errors as there."""
+        marked = np.zeros(self.n_nodes, dtype=bool)
+        if self.structure is None or side not in (None, *self.element.sides):
+            marked[self.boundary(side)] = True
+        else:
+            for each in self.element.sides if side is None else [side]:
+                marked[structure.side_nodes(self.element, self.structure, each)] = True
+        return np.flatnonzero(marked).astype(np.int32)
+
     def boundary_places(self, side: str | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Where the faces of ``boundary`` are, in its order: element numbers (f,) and places (f,) in ``element.sides``.
 

@@ -143,7 +143,7 @@ class _Start:
         """
         mesh, held, device = self.mesh, self.held, self.device
         if boundary == "stay":
-            held.slack[np.unique(mesh.boundary())] = FIXED
+            held.slack[mesh.boundary_nodes()] = FIXED
         lengths = _log_lengths(points, mesh.cells)
         hexes = movable(mesh.cells, mesh.n_nodes, held.slack, held.level, device, lengths, held.levels)
         x = device.put(np.ascontiguousarray(np.vstack([points.T, at])))

@@ -16,6 +16,8 @@ from gpubspline.shown import brief, shown
 COLUMN_CELLS = 64  # along w, along which a work item of a GPU goes
 TILE = 32  # of a GPU, as in its kernel
 TILE_ROWS = 4
+_PART = 1 << 15  # values counted at a time, which stay in a cache
+_BLOCK = 256  # values, of which the least is looked at first
 OTHER_WAYS = "other counts of control points, --optimize or 'gpubspline mesh --method blocks'"
 """To a mesh without inverted elements, of one by the tensor method."""
 
@@ -112,13 +114,15 @@ def _corner_cells(mesh: Mesh) -> NDArray[np.int32]:
 
 
 def _put_points(mesh: Mesh, device: Device, corners: NDArray[Any] | None = None) -> list[Buffer]:
-    """Coordinates, of all nodes or some, from their middle, where float32 has more digits to spare for an edge."""
+    """Coordinates, of all nodes or some; from their middle where float32 then keeps more of their digits."""
     planes = mesh.planes if corners is None else mesh.planes[:, corners]
-    with np.errstate(invalid="ignore"):  # opposite infinities
-        middle = planes.mean(axis=1, dtype=np.float64)
-    if not np.isfinite(middle).all():  # a node that is nowhere shows here, at no cost
+    with np.errstate(invalid="ignore", over="ignore"):  # opposite infinities
+        middle = planes.mean(axis=1)
+    if not np.isfinite(middle).all():  # a node that is nowhere shows here, at little cost
         mesh.check_finite()
-    return [device.put(plane - at) for plane, at in zip(planes, middle, strict=True)]
+    if planes.dtype.itemsize > device.real.itemsize:
+        planes = planes - middle[:, None]
+    return [device.put(plane) for plane in planes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,30 +198,44 @@ def summarise(mesh: Mesh, values: NDArray[Any], worst: int = WORST) -> Quality:
     """
     if values.shape != (mesh.n_elements,) or values.size == 0:
         raise InputError(f"expected a scaled Jacobian for each of {mesh.n_elements} elements, got {values.shape}")
-    values = np.where(np.isnan(values), -1.0, values.astype(np.float64))
+    if np.isnan(values.min()):
+        values = np.where(np.isnan(values), values.dtype.type(-1), values)
     edges = np.arange(11) / 10
-    bins = np.searchsorted(edges[1:-1], values[values > 0], side="left")
+    above = _count_above(values, edges[:-1])
+    at_least_0_1, at_least_0_2 = _count_above(values, np.nextafter(edges[1:3], 0))
     order = _least(values, worst)
     corners = mesh.cells_of(order)[:, : mesh.element.n_corners]
     return Quality(
         n_elements=values.size,
         min=float(values.min()),
-        mean=float(values.mean()),
-        inverted=int(np.count_nonzero(values <= 0)),
-        fraction_below_0_1=float(np.mean(values < 0.1)),
-        fraction_below_0_2=float(np.mean(values < 0.2)),
-        fraction_above_0_5=float(np.mean(values > 0.5)),
+        mean=float(values.mean(dtype=np.float64)),
+        inverted=values.size - int(above[0]),
+        fraction_below_0_1=float((values.size - at_least_0_1) / values.size),
+        fraction_below_0_2=float((values.size - at_least_0_2) / values.size),
+        fraction_above_0_5=float(above[5] / values.size),
         edges=edges,
-        counts=np.bincount(bins, minlength=10),
+        counts=-np.diff(above, append=0),
         worst=order,
-        worst_values=values[order],
+        worst_values=values[order].astype(np.float64),
         worst_centroids_mm=mesh.points[corners].astype(np.float64).mean(axis=1),
     )
 
 
-def _least(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Indices of the least values, least first, without sorting all of them."""
-    limit = np.partition(values, count - 1)[count - 1] if count < values.size else np.inf
+def _count_above(values: NDArray[Any], edges: NDArray[np.float64]) -> NDArray[np.int64]:
+    """How many values are above each edge; edges are brought to the precision of the values, none to its other side."""
+    limits = edges.astype(values.dtype)
+    limits = np.where(limits > edges, np.nextafter(limits, values.dtype.type(-2)), limits)
+    parts = np.split(values, range(_PART, values.size, _PART))
+    return np.asarray(np.sum([[np.count_nonzero(part > limit) for limit in limits] for part in parts], axis=0))
+
+
+def _least(values: NDArray[Any], count: int) -> NDArray[np.int64]:
+    """Indices of the least values, least first, without sorting all of them.
+
+    As many blocks of values have their least among the ``count`` least of blocks, and so as many values are no greater.
+    """
+    blocks = values[: values.size // _BLOCK * _BLOCK].reshape(-1, _BLOCK).min(axis=1)
+    limit = np.partition(blocks, count - 1)[count - 1] if count < blocks.size else np.inf
     candidates = np.flatnonzero(values <= limit)
     return np.asarray(candidates[np.argsort(values[candidates], kind="stable")[:count]])
 

@@ -58,9 +58,9 @@ def sample(
     check_size(prod(counts))
     parameters = [np.linspace(0.0, 1.0, n) for n in counts]
     lattice = patch.evaluate_grid(parameters, device or open_device())
+    if is_left_handed(lattice[np.ix_(*coarse(counts, patch.shape))]):
+        lattice = lattice[::-1]
     mesh = from_lattice(lattice, patch.channels, element, nodes)
-    if is_left_handed(mesh):
-        mesh = from_lattice(lattice[::-1], patch.channels, element, nodes)
     return replace(mesh, node_sets=_node_sets(mesh), element_sets={"body": np.arange(mesh.n_elements, dtype=np.int32)})
 
 
@@ -111,8 +111,19 @@ def from_lattice(lattice: NDArray[Any], channels: tuple[str, ...], element: Elem
     return Mesh(flat[:, :3], element.name, structure=tuple(nodes), fields=fields)
 
 
-def is_left_handed(mesh: Mesh) -> bool:
-    """Whether hexes have a negative volume, or quads run clockwise seen from the patient axis nearest their normal."""
+def coarse(counts: tuple[int, ...], control: tuple[int, ...]) -> list[NDArray[np.intp]]:
+    """Which samples of each direction, with its ends, say what is left-handed: as many as there are control points."""
+    few = [min(n, c) for n, c in zip(counts, control, strict=True)]
+    return [np.linspace(0, n - 1, m).round().astype(np.intp) for n, m in zip(counts, few, strict=True)]
+
+
+def is_left_handed(lattice: NDArray[Any]) -> bool:
+    """Whether the hexes between samples (n_u, n_v, n_w, 3 + C) have a negative volume.
+
+    Of a surface (n_u, n_v, 3 + C): whether its quads run clockwise seen from the patient axis nearest their normal.
+    """
+    nodes = lattice.shape[:-1]
+    mesh = from_lattice(lattice[..., :3], (), find_element(BY_ORDER[len(nodes), 1]), nodes)
     if mesh.element.dimension == 3:
         return mesh.volume_mm3 < 0
     _, vector = measure.area_vector_mm2(mesh.planes, mesh.cells, mesh.element_type)
@@ -120,5 +131,4 @@ def is_left_handed(mesh: Mesh) -> bool:
 
 
 def _node_sets(mesh: Mesh) -> dict[str, NDArray[Any]]:
-    sets = {side: np.unique(mesh.boundary(side)) for side in mesh.element.sides}
-    return {**sets, "surface": np.unique(np.concatenate(list(sets.values())))}
+    return {**{side: mesh.boundary_nodes(side) for side in mesh.element.sides}, "surface": mesh.boundary_nodes()}

@@ -9,7 +9,7 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.mesh import Mesh
-from gpubspline.mesh.sample import check_nodes, check_size, from_lattice, is_left_handed
+from gpubspline.mesh.sample import check_nodes, check_size, coarse, from_lattice, is_left_handed
 from gpubspline.spline.hyperpatch import Hyperpatch
 
 SLAB_NODES = 4_000_000
@@ -63,10 +63,9 @@ def sample_slabs(
     check_nodes(patch, nodes)
     check_size(2 * nodes[0] * nodes[1])  # the thinnest slab
     element = find_element("hex8")
-    few = tuple(min(n, c) for n, c in zip(nodes, patch.shape, strict=True))
-    coarse = patch.evaluate_grid([np.linspace(0.0, 1.0, n) for n in few], device)
-    u, v, w = (np.linspace(0.0, 1.0, n) for n in nodes)
-    if is_left_handed(from_lattice(coarse, patch.channels, element, few)):
+    u, v, w = axes = [np.linspace(0.0, 1.0, n) for n in nodes]
+    few = [axis[some] for axis, some in zip(axes, coarse(nodes, patch.shape), strict=True)]
+    if is_left_handed(patch.evaluate_grid(few, device)):
         u = u[::-1]
     step = max(slab_nodes // (nodes[0] * nodes[1]), 1)
     for first in range(0, nodes[2] - 1, step):

@@ -121,6 +121,19 @@ def elements_at(structure: Counts, side: str) -> Integers:
     return np.asarray(np.ravel_multi_index([m.ravel(order="F") for m in mesh], counts, order="F"))
 
 
+def side_nodes(element: Element, structure: Counts, side: str) -> Integers:
+    """Numbers of the nodes on a side, ascending, by its name (``"u0"`` to ``"w1"``)."""
+    ranges = [np.arange(n) for n in lattice_counts(element, structure)]
+    axis = "uvw".index(side[0])
+    ranges[axis] = ranges[axis][-1:] if side[1] == "1" else ranges[axis][:1]
+    at = list(np.meshgrid(*ranges, indexing="ij", sparse=True))
+    numbers = node_numbers(element, structure, at)
+    if not element.serendipity:
+        return numbers.ravel(order="F")
+    has_node = np.asarray(sum(index % 2 for index in at)) <= 1
+    return np.asarray(numbers.T[has_node.T])
+
+
 def corner_nodes(element: Element, structure: Counts) -> Integers | None:
     """Node numbers of the corner nodes in their own order; None where every node is one."""
     if element.order == 1:

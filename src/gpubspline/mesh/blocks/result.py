@@ -80,7 +80,7 @@ def measured(bodies: tuple[BodyReport, ...], mesh: Mesh) -> tuple[BodyReport, ..
 
 def sets_carried_to(fine: Mesh, coarse: Mesh) -> dict[str, NDArray[np.int32]]:
     """Node sets of a mesh made of another, finer or curved: its surface, and between bodies as the other names them."""
-    sets = {"surface": np.unique(fine.boundary()).astype(np.int32)}
+    sets = {"surface": fine.boundary_nodes()}
     nodes = {name: np.unique(fine.cells[members]) for name, members in fine.element_sets.items()}
     for a, b in permutations(nodes, 2):
         if f"{a}_to_{b}" in coarse.node_sets:

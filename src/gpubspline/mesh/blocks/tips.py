@@ -77,7 +77,7 @@ def stand_out(points: NDArray[Any], cells: NDArray[np.int32], places: Floats, de
     if not len(places):
         return places, np.empty(0)
     mesh = Mesh(points, "hex8", connectivity=cells)
-    tree = KDTree(points[np.unique(mesh.boundary())])
+    tree = KDTree(points[mesh.boundary_nodes()])
     places = places[tree.query(places, workers=-1)[0] > OUT]
     if not len(places):
         return places, np.empty(0)
