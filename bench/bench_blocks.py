@@ -20,7 +20,7 @@ from gpubspline.ct.phantom import phantom
 from gpubspline.ct.region import Region
 from gpubspline.device import Buffer, Device, open_device
 from gpubspline.errors import MeshError
-from gpubspline.mesh.blocks import grow, mesher, place
+from gpubspline.mesh.blocks import grow, merit, place
 from gpubspline.mesh.blocks import lay as laying
 from gpubspline.mesh.blocks import level_set as levels
 from gpubspline.mesh.blocks.core import cell_means, core_cells
@@ -166,7 +166,7 @@ def ablations(region: Region, size_mm: float, device: Device) -> Iterator[tuple[
     for way, (home, name, instead) in REPLACED.items():
         with patch.object(home, name, instead):
             yield way, _outcome(region, size_mm, device, whole)
-    with patch.object(mesher, "GOOD", 1.0):
+    with patch.object(merit, "GOOD", 1.0):
         yield ALL_PLACES, _outcome(region, size_mm, device, partial(blocks_mesh, region, size_mm, device=device))
     yield NO_PILLOW, Outcome(without_pillow(region, size_mm, device)[1])
 

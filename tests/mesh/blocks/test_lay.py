@@ -10,14 +10,15 @@ from gpubspline.bench.bench_blocks import thin_ablations, thin_features, three_a
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import MeshError
-from gpubspline.mesh.blocks import mesher
+from gpubspline.mesh.blocks import merit
 from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import find_core
-from gpubspline.mesh.blocks.lay import Laid, in_turn, joined_by_faces, mended, thickened
+from gpubspline.mesh.blocks.lay import Laid, Prospect, in_turn, joined_by_faces, mended, thickened
 from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.placement import placement
 from gpubspline.mesh.blocks.repair import SOUND, patterns
+from gpubspline.mesh.blocks.result import Attempt
 
 
 @dataclass
@@ -25,17 +26,21 @@ class Told:
     number: int
     wrong: float
 
+    @property
+    def attempt(self) -> Attempt:
+        return Attempt(placement(self.number), 8, None, 1)
+
 
 @pytest.mark.parametrize(
     ("losses", "turns", "laid"),
     [
         ([0, 3, 2], [0, 1, 2], [0, 1, 2]),  # the first is right: the others as they come
         ([4, 3, 0, 1], [2, 3, 1, 0], [0, 1, 2, 3, 1, 0]),  # all until one is right, which is not laid again
-        ([4, None, 2], [2, 0, None], [0, 1, 2, 0, 1]),
+        ([4, None, 2], [2, 0, None], [0, 1, 2, 0]),
         ([None], [None], [0]),
     ],
 )
-def test_places_come_by_what_they_lose(losses, turns, laid, monkeypatch):
+def test_places_come_by_what_they_lose(losses, turns, laid):
     asked = []
 
     def lay(number):
@@ -44,9 +49,20 @@ def test_places_come_by_what_they_lose(losses, turns, laid, monkeypatch):
             raise MeshError("no core")
         return Told(number, losses[number])
 
-    monkeypatch.setattr("gpubspline.mesh.blocks.lay.Laid", Told)
-    given = [getattr(found, "number", None) for found in in_turn(lay, len(losses))]
+    given = []
+    for found in in_turn(lay, len(losses)):
+        number = found.lay().number if isinstance(found, Prospect) else None
+        given.append(number)
+        assert number is None or (
+            found.wrong == losses[number] and found.attempt.placement.offset == placement(number).offset
+        )
     assert given == turns and asked == laid
+
+
+def test_a_place_that_is_passed_over_is_not_laid_again():
+    asked = []
+    assert [found.wrong for found in in_turn(lambda n: asked.append(n) or Told(n, 3 - n), 3)] == [1, 2, 3]
+    assert asked == [0, 1, 2]
 
 
 def bored_plate(size: float, half: float) -> Region:
@@ -87,11 +103,11 @@ def test_what_no_place_of_the_lattice_keeps_is_listed_and_a_size_that_does_found
 
 
 def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, device: Device) -> None:
-    monkeypatch.setattr(mesher, "TINY", 1.0)
-    monkeypatch.setattr(mesher, "GOOD", 0.0)
+    monkeypatch.setattr(merit, "TINY", 1.0)
+    monkeypatch.setattr(merit, "GOOD", 0.0)
     made = blocks_mesh(three_arms(), 5.0, attempts=2, device=device)
     assert len(made.report.attempts) == 2
-    monkeypatch.setattr(mesher, "MOST_MENDED", 1)
+    monkeypatch.setattr(merit, "MOST_MENDED", 1)
     assert len(blocks_mesh(three_arms(), 5.0, attempts=2, device=device).report.attempts) == 1
 
 

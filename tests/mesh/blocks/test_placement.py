@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import gpubspline.mesh.blocks.mesher as mesher
 from gpubspline.bench.bench_blocks import three_arms
 from gpubspline.device import Device
+from gpubspline.mesh.blocks import merit
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.placement import placement
 
@@ -27,7 +27,7 @@ def test_places_are_spread_and_the_same_each_time() -> None:
 
 def test_the_best_place_is_kept(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     """Where nothing is good enough all places are tried, and the mesh is that of the best."""
-    monkeypatch.setattr(mesher, "GOOD", 2.0)
+    monkeypatch.setattr(merit, "GOOD", 2.0)
     made = blocks_mesh(three_arms(), 5.0, attempts=3, device=device)
     tried = made.report.attempts
     assert len(tried) == 3 and [attempt.placement.turn_degrees == (0, 0, 0) for attempt in tried] == [True, False, True]
@@ -40,7 +40,7 @@ def test_the_best_place_is_kept(monkeypatch: pytest.MonkeyPatch, device: Device)
 
 def test_a_place_that_keeps_the_volume_is_kept(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     """Better hexes do not make up for volume: the first place has the best of three, and is 6 % off."""
-    monkeypatch.setattr(mesher, "GOOD", 2.0)
+    monkeypatch.setattr(merit, "GOOD", 2.0)
     region = three_arms()
     first, made = (blocks_mesh(region, 6.2, attempts=most, device=device) for most in (1, 3))
     assert made.report.min_scaled_jacobian < first.report.min_scaled_jacobian - 0.02
@@ -49,6 +49,6 @@ def test_a_place_that_keeps_the_volume_is_kept(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_large_meshes_are_not_made_again(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
-    monkeypatch.setattr(mesher, "GOOD", 2.0)
-    monkeypatch.setattr(mesher, "MOST_TRIED", 100)
+    monkeypatch.setattr(merit, "GOOD", 2.0)
+    monkeypatch.setattr(merit, "MOST_TRIED", 100)
     assert len(blocks_mesh(three_arms(), 3.0, device=device).report.attempts) == 1

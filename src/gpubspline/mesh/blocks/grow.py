@@ -80,6 +80,11 @@ class Grown:
     hexes: Pillowed
     placed: PlacedOn
 
+    @property
+    def n_hexes(self) -> int:
+        """Number of hexes."""
+        return len(self.hexes.cells)
+
     @cached_property
     def lost(self) -> tuple[LostFeature, ...]:
         """Parts of the level set's inside that the core does not reach."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.placement import Placement, placement
 from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair
+from gpubspline.mesh.blocks.result import Attempt
 from gpubspline.mesh.blocks.topology import Difference, differences
 
 Failure = InputError | MeshError
@@ -82,6 +83,11 @@ class Laid:
     def wrong(self) -> float:
         """Places of another topology, and by how many elements lost features stand out."""
         return len(self.core.differences) + self.far
+
+    @property
+    def attempt(self) -> Attempt:
+        """What is known of the place without hexes."""
+        return Attempt(self.place, self.elements, None, self.core.euler["mesh"])
 
     @property
     def far(self) -> float:
@@ -213,36 +219,56 @@ def _missing(laid: Laid) -> Cells:
     return np.asarray(each.mean(axis=(1, 3, 5)) > FILLED)
 
 
-def in_turn(lay_at: Callable[[int], Laid], attempts: int) -> Iterator[Laid | Failure]:
-    """Lay a lattice in place after place, and give the laid, those that lose least first.
+@dataclass(frozen=True, eq=False)
+class Prospect:
+    """A place of the lattice in which hexes may be made.
+
+    Attributes
+    ----------
+    attempt: what is known of it without them.
+    wrong: what its core has otherwise than the region, as ``Laid.wrong``.
+    lay: gives the lattice laid there.
+    """
+
+    attempt: Attempt
+    wrong: float
+    lay: Callable[[], Laid]
+
+
+def in_turn(lay_at: Callable[[int], Laid], attempts: int) -> Iterator[Prospect | Failure]:
+    """Lay a lattice in place after place, and give the places, those that lose least first.
 
     While the first loses nothing the others follow as they come. Else all are laid, until one loses nothing, before the
-    first is given; they are not kept but laid again, since each holds as much memory as a mesh.
+    first is given; all but that one are laid again when they are asked for, since each holds as much memory as a mesh.
 
     Arguments
     ---------
     lay_at: lays the lattice in the place of a number, from 0; errors that it raises are given in the place's turn.
     """
 
-    def laid(number: int) -> Laid | Failure:
+    def found(number: int) -> Prospect | Failure:
         try:
-            return lay_at(number)
+            laid = lay_at(number)
         except (InputError, MeshError) as error:
             return error
+        return Prospect(laid.attempt, laid.wrong, lambda: laid)
 
-    def wrong(found: Laid | Failure) -> float:
-        return found.wrong if isinstance(found, Laid) else float("inf")
+    def forgotten(place: Prospect | Failure, number: int) -> Prospect | Failure:
+        return replace(place, lay=partial(lay_at, number)) if isinstance(place, Prospect) else place
 
-    best, at = laid(0), 0
-    losses = [wrong(best)]
+    def wrong(place: Prospect | Failure) -> float:
+        return place.wrong if isinstance(place, Prospect) else float("inf")
+
+    best, at = found(0), 0
+    known = [forgotten(best, 0)]
     for number in range(1, attempts):
-        if losses[at] == 0:
+        if wrong(best) == 0:
             break
-        found = laid(number)
-        losses.append(wrong(found))
-        if losses[number] < losses[at]:
-            best, at = found, number
+        place = found(number)
+        known.append(forgotten(place, number))
+        if wrong(place) < wrong(best):
+            best, at = place, number
     yield best
     later = [number for number in range(attempts) if number != at]
-    for number in sorted(later, key=lambda n: losses[n] if n < len(losses) else 0.0):
-        yield laid(number)
+    for number in sorted(later, key=lambda n: wrong(known[n]) if n < len(known) else 0.0):
+        yield known[number] if number < len(known) else found(number)

@@ -12,34 +12,18 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.grow import Grown, find_core, grow
 from gpubspline.mesh.blocks.labelled import check_parts
-from gpubspline.mesh.blocks.lay import MOST_LOST, Failure, Laid, in_turn, lay
+from gpubspline.mesh.blocks.lay import Failure, Prospect, in_turn, lay
 from gpubspline.mesh.blocks.level_set import LevelSet, Part
+from gpubspline.mesh.blocks.merit import Merit, hope, is_worth_trying, merit
 from gpubspline.mesh.blocks.result import Attempt, Blocks
-from gpubspline.mesh.blocks.tips import TINY
-from gpubspline.mesh.improve import POOR, Effort
+from gpubspline.mesh.improve import Effort
 
 ATTEMPTS = 6
 """Most places of the lattice that are tried."""
 
-GOOD = 0.65
-"""Worst scaled Jacobian with which no other place is tried: others gain 0.02 then, and take as long as the first."""
-
-MOST_TRIED = 20_000
-"""Hexes, of all attempts, from which no other place is tried where the worst is not poor: time is linear in them."""
-
-MOST_MENDED = 100_000
-"""Hexes, of all attempts, from which no other place is tried where the worst is poor, but none is inverted."""
-
 FINER, MOST_LAID = (0.8, 0.65, 0.5), 250_000
 """Parts of an element's size that are tried for one which keeps a region's topology, and how many cells there may be.
 """
-
-MOST_OFF = 0.02
-"""By what part a body's volume may be off: of two places that lose as much, the one that is less off is taken, and of
-several bodies others are tried."""
-
-SWOLLEN = 0.05
-"""By what part it may be off before each hundredth more is as bad as an element lost or a place of another topology."""
 
 
 def blocks_mesh(
@@ -87,35 +71,36 @@ def blocks_mesh(
     """
     parts = parts or {}
     check_parts(region, parts)
-    best: tuple[Laid, Grown] | None = None
+    best: Grown | None = None
+    reached: Merit | None = None
     tried: list[Attempt] = []
     failure: Failure = MeshError(f"expected at least one attempt, got {attempts}")
     made_hexes = 0
-    for laid in in_turn(partial(lay, region, size_mm, parts, rotation, device), attempts):
-        if not isinstance(laid, Laid):
-            failure = laid
+    for found in in_turn(partial(lay, region, size_mm, parts, rotation, device), attempts):
+        if not isinstance(found, Prospect):
+            failure = found
             continue
-        if best is not None and laid.wrong > _wrong(*best) and not _is_poor(best[1]):
-            tried.append(Attempt(laid.place, laid.elements, None, laid.core.euler["mesh"]))
+        if not is_worth_trying(hope(found.wrong, several=bool(parts)), reached, made_hexes):
+            tried.append(found.attempt)
             continue
+        laid = found.lay()
         if tell is not None:
             tell(f"{laid.elements:,} hexes, place {len(tried) + 1} of at most {attempts}")
         try:
             made = grow(laid.level, laid.core, device, effort, laid.within, allow_inverted=allow_inverted)
         except MeshError as error:
             failure = error
-            made_hexes += laid.elements
             continue
-        elements, least = made.placed.hexes.n_elements, made.placed.nodes.least
-        made_hexes += elements
-        tried.append(Attempt(laid.place, elements, least, laid.core.euler["mesh"]))
-        if best is None or _merit(laid, made) > _merit(*best):
-            best = laid, made
-        if _is_enough(best[1], made_hexes):
+        made_hexes += made.n_hexes
+        tried.append(replace(found.attempt, elements=made.n_hexes, min_scaled_jacobian=made.placed.nodes.least))
+        latest = merit(laid, made)
+        if reached is None or latest > reached:
+            best, reached = made, latest
+        if not is_worth_trying(hope(several=bool(parts)), reached, made_hexes):
             break
     if best is None:
         raise failure
-    finished = best[1].finished()
+    finished = best.finished()
     return replace(finished, report=replace(finished.report, attempts=tuple(tried)))
 
 
@@ -136,35 +121,6 @@ def size_that_keeps_topology(
         if not laid.core.differences:
             return share * size_mm
     return None
-
-
-def _merit(laid: Laid, made: Grown) -> tuple[bool, float, float, float]:
-    """No poor hex first, then that little is lost and bodies have their volumes, then the worst hex."""
-    lost = _wrong(laid, made) + _lost(made)
-    return not _is_poor(made), -lost, -(made.off // MOST_OFF), made.placed.nodes.least
-
-
-def _wrong(laid: Laid, made: Grown) -> float:
-    """What the core has otherwise than the region, and how much volume is off."""
-    return laid.wrong + 100 * max(made.off - SWOLLEN, 0.0)
-
-
-def _is_poor(made: Grown) -> bool:
-    return made.placed.nodes.least < POOR or made.least_determinant < TINY
-
-
-def _lost(made: Grown) -> float:
-    """By how many elements the region stands out of the mesh, where that is more than allowed."""
-    return made.farthest if made.farthest > MOST_LOST else 0.0
-
-
-def _is_enough(best: Grown, made_hexes: int) -> bool:
-    """Whether no other place is tried."""
-    if _is_poor(best):
-        return made_hexes >= MOST_MENDED and best.placed.nodes.least > 0
-    good = best.placed.nodes.least >= (POOR if best.volumes else GOOD)
-    right = not (best.volumes and best.off > MOST_OFF)
-    return made_hexes >= MOST_TRIED or (good and right and not _lost(best))
 
 
 def mesh_level_set(
