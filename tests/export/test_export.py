@@ -272,6 +272,48 @@ def test_names_with_spaces_and_slashes(tmp_path):
         np.testing.assert_allclose(back.cell_fields[names[1]], np.arange(24.0))
 
 
+def test_gmsh_keeps_node_sets_that_are_called_as_its_endings_are(tmp_path):
+    """A node set is ``w1_nodes`` where a surface is ``w1``: one that is called so anyway is another."""
+    like = {"w1_nodes": np.arange(3), "bare_nodes": np.arange(0, 60, 9)}
+    mesh = model("hex8")
+    mesh = replace(mesh, node_sets={**mesh.node_sets, **like}, element_sets={})
+    write(mesh, tmp_path / "m.msh")
+    back = read_mesh(tmp_path / "m.msh")
+    assert back.node_sets.keys() == mesh.node_sets.keys()
+    for name, members in mesh.node_sets.items():
+        np.testing.assert_array_equal(back.node_sets[name], members)
+
+
+def test_exodus_cuts_names_of_fields_apart(tmp_path):
+    """VTK reads 32 characters: two that differ later are two all the same."""
+    mesh = model("hex8")
+    given = {f"a field of forty characters, the last a {end}": mesh.fields["HU"] * k for k, end in enumerate("xy")}
+    path = tmp_path / "m.exo"
+    write(replace(mesh, fields=given, cell_fields={}), path)
+    cut = ["a field of forty characters, the", "a field of forty characters, t_2"]
+    seen = pytest.importorskip("pyvista").read(path)[0][0].point_data
+    for name, values in zip(cut, given.values(), strict=True):
+        np.testing.assert_allclose(read_mesh(path).fields[name], values)
+        np.testing.assert_allclose(np.sort(seen[name]), np.sort(values))  # in an order of VTK's own
+
+
+def test_components_of_ansys_have_names_of_their_own(tmp_path):
+    """One of a name takes the place of another, whatever it is of: nodes, elements or faces, in any case."""
+    names = {"a": np.arange(5), "W1_faces": np.arange(3), **model("hex8").node_sets}
+    mesh = replace(model("hex8"), node_sets=names, element_sets={"A": np.arange(3), "a_elements": np.arange(7)})
+    write_quietly(mesh, tmp_path / "m.cdb")
+    lines = (tmp_path / "m.cdb").read_text().splitlines()
+    found = [line.split(",")[1] for line in lines if line.startswith("CMBLOCK")]
+    assert len(set(found)) == len(found) == len(names) + 3 + 8 and max(map(len, found)) <= 32
+
+
+@pytest.mark.parametrize("thickness", [0.0, -1.0, np.nan, np.inf])
+def test_shells_without_a_thickness_are_refused(thickness, tmp_path):
+    with pytest.raises(InputError, match="expected a thickness above 0 mm"):
+        write(model("quad4"), tmp_path / "m.inp", thickness_mm=thickness)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["model.step", "model", "model.gz", "model.xyz"])
 def test_an_unknown_extension_names_the_known(name, tmp_path):
     for refused in (lambda: check_extension(name), lambda: write(model("quad4"), tmp_path / name)):

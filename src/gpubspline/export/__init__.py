@@ -121,9 +121,9 @@ def write(
 
     Raises
     ------
-    InputError for an unknown format, extension or system of units, a folder that is not there or not writable, a place
-    or a field that is not finite, or a format that cannot hold the elements or what else was asked for. Fields that it
-    cannot hold are warned of.
+    InputError for an unknown format, extension or system of units, a thickness that is none, a folder that is not there
+    or not writable, a place or a field that is not finite, or a format that cannot hold the elements or what else was
+    asked for. Fields that it cannot hold are warned of.
     """
     path, mesh = Path(path), getattr(model, "mesh", model)
     form = find_format(path, format)
@@ -137,6 +137,8 @@ def write(
     form.check_elements(known, mesh.element_type)
     if step and (load is not None or form.name != "abaqus"):
         raise InputError(f"expected a step with an .inp deck without a load case, got {path.name!r}")
+    if not 0 < thickness_mm < np.inf:
+        raise InputError(f"expected a thickness above 0 mm, got {thickness_mm:g}")
     _warn_of_units(mesh)
     case = load if load is None or isinstance(load, LoadCase) else load_case(load)
     laws = {"": law} if isinstance(law, Law) else dict(law or {})

@@ -19,6 +19,7 @@ from gpubspline.export.deck import Deck
 from gpubspline.export.deck_loads import DeckLoads
 from gpubspline.export.deck_material import NodalTable
 from gpubspline.export.formats import Format
+from gpubspline.export.names import free
 from gpubspline.export.rows import REAL, chunks
 from gpubspline.files import whole_file
 
@@ -34,7 +35,8 @@ SIDES = {"w0": 1, "v0": 2, "u1": 3, "v1": 4, "u0": 5, "w1": 6}
 MOST_ROWS = 100
 """Temperatures of a material table."""
 
-LONGEST_NAME = 32 - len("_elements")
+MOST_CHARACTERS = 32
+LONGEST_NAME = MOST_CHARACTERS - len("_elements")
 """Characters of a component's name, less the longest ending that one gets here."""
 
 PER_COMMAND = 6
@@ -110,16 +112,21 @@ def _write_rows(out: TextIO, kind: int, material: NDArray[Any], labels: NDArray[
 
 
 def _write_components(out: TextIO, deck: Deck) -> None:
-    taken = set()
+    taken: set[str] = set()
+
+    def write_component(name: str, kind: str, members: NDArray[Any]) -> None:
+        name = free(name, taken, MOST_CHARACTERS)
+        taken.add(name)
+        _write_component(out, name, kind, members)
+
     for name, members in deck.node_sets.items():
-        taken.add(name.upper())
-        _write_component(out, name, "NODE", members)
+        write_component(name, "NODE", members)
+    of_nodes = {name.lower() for name in taken}
     for name, members in {deck.body: np.arange(deck.mesh.n_elements), **deck.element_sets}.items():
-        free = f"{name}_elements" if name.upper() in taken else name
-        _write_component(out, free, "ELEM", members)
+        write_component(f"{name}_elements" if name.lower() in of_nodes else name, "ELEM", members)
     first = deck.mesh.n_elements
     for name, faces in deck.surfaces.items():
-        _write_component(out, f"{name}_faces", "ELEM", np.arange(first, first + len(faces.nodes)))
+        write_component(f"{name}_faces", "ELEM", np.arange(first, first + len(faces.nodes)))
         first += len(faces.nodes)
 
 

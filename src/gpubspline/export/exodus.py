@@ -8,7 +8,7 @@ Source: Schoof and Yarberry, EXODUS II: a finite element data model, SAND92-2137
 side numbers; vtkExodusIIReader for HEX27.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gpubspline.export.deck import Deck
 from gpubspline.export.deck_material import Section
 from gpubspline.export.formats import Format
+from gpubspline.export.names import free
 from gpubspline.files import whole_file
 from gpubspline.mesh.mesh import Mesh
 
@@ -123,16 +124,24 @@ def _write_sets(file: Any, deck: Deck, blocks: Sequence[Section]) -> None:
         _array(file, f"elem_els{number}", place[members], f"num_ele_els{number}")
 
 
+def _cut(names: Iterable[str]) -> list[str]:
+    """Names of fields that are no longer than VTK reads them, and differ."""
+    cut: list[str] = []
+    for name in names:
+        cut.append(free(name, cut, NAME - 1))
+    return cut
+
+
 def _write_variables(file: Any, deck: Deck, blocks: Sequence[Section]) -> None:
     mesh = deck.with_all_fields
     if mesh.fields:
-        _texts(file, "name_nod_var", "num_nod_var", list(mesh.fields))
+        _texts(file, "name_nod_var", "num_nod_var", _cut(mesh.fields))
     for number, values in enumerate(mesh.fields.values(), start=1):
         made = file.createVariable(f"vals_nod_var{number}", "d", ("time_step", "num_nodes"))
         made[0] = values
     if not mesh.cell_fields:
         return
-    _texts(file, "name_elem_var", "num_elem_var", list(mesh.cell_fields))
+    _texts(file, "name_elem_var", "num_elem_var", _cut(mesh.cell_fields))
     held = np.ones((len(blocks), len(mesh.cell_fields)), dtype=np.int32)
     _array(file, "elem_var_tab", held, "num_el_blk", "num_elem_var")
     for number, values in enumerate(mesh.cell_fields.values(), start=1):

@@ -19,12 +19,14 @@ from gpubspline.export.columns import write_lines
 from gpubspline.export.deck import Deck
 from gpubspline.export.formats import Format
 from gpubspline.export.groups import Families, facets, families
+from gpubspline.export.names import apart
 from gpubspline.export.rows import chunks
 from gpubspline.files import whole_file
 
 ELEMENT_TYPES = {"quad4": 3, "quad8": 16, "quad9": 10, "hex8": 5, "hex20": 17, "hex27": 12}
 POINT = 15
-LONGEST_NAME = 127 - len("_nodes")
+NODES_END = "_nodes"
+LONGEST_NAME = 127 - len(NODES_END)
 """Characters of a physical name, less the ending that one gets here."""
 
 _HEX20 = (*range(8), 8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14)
@@ -90,8 +92,8 @@ def _items(deck: Deck) -> list[_Items]:
         found.append(_Items(2, ELEMENT_TYPES[mesh.element.side_name], outer.nodes, outer.families, outer.elements))
     if deck.node_sets:
         taken = {*sets, *deck.surfaces}  # readers keep one group of a name
-        named = {f"{name}_nodes" if name in taken else name: nodes for name, nodes in deck.node_sets.items()}
-        within = families(mesh.n_nodes, named)
+        called = apart(deck.node_sets, taken, NODES_END)
+        within = families(mesh.n_nodes, {called[name]: nodes for name, nodes in deck.node_sets.items()})
         inside = np.array([bool(names) for names in within.names])[within.of]
         of, names = within.of[inside], [names for names in within.names if names]
         shift = np.cumsum([bool(names) for names in within.names]) - 1  # the family of no set is left out

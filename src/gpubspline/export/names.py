@@ -25,7 +25,8 @@ def named(
     taken: dict[str, Kept] = {}
     for name, kept in (*own.items(), *added.items()):
         used = taken.keys() if name in held else (*taken, *held)
-        taken[_free(re.sub(r"[^A-Za-z0-9_]", "_", name), used, longest)] = kept
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        taken[free(plain if plain[:1].isalpha() else f"set_{plain}", used, longest)] = kept
     return taken
 
 
@@ -47,11 +48,21 @@ def joined(
     return both, {name: names[id(fresh[name] if name in fresh else own[name])] for name in added}
 
 
-def _free(name: str, taken: Iterable[str], longest: int | None) -> str:
-    name = name if name[:1].isalpha() else f"set_{name}"
-    used, number, free = {other.lower() for other in taken}, 1, name[:longest]
-    while free.lower() in used:
+def apart(names: Iterable[str], taken: Collection[str], ending: str) -> dict[str, str]:
+    """By which name each goes beside those that are taken: with the ending where it is one of them, or one so made."""
+    return {name: f"{name}{ending}" if ended(name, taken, ending) else name for name in names}
+
+
+def ended(name: str, taken: Collection[str], ending: str) -> bool:
+    """Whether a name, or what it is before its endings, is taken."""
+    return name in taken or (name.endswith(ending) and ended(name.removesuffix(ending), taken, ending))
+
+
+def free(name: str, taken: Iterable[str], longest: int | None) -> str:
+    """Name that differs from those taken by more than its case: itself, or with a number at its end."""
+    used, number, found = {other.lower() for other in taken}, 1, name[:longest]
+    while found.lower() in used:
         number += 1
         end = f"_{number}"
-        free = name[: None if longest is None else longest - len(end)] + end
-    return free
+        found = name[: None if longest is None else longest - len(end)] + end
+    return found

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import exodus, med, vtkhdf
 from gpubspline.export.formats import Format
+from gpubspline.export.gmsh import NODES_END
+from gpubspline.export.names import ended
 from gpubspline.export.quiet import quiet_meshio
 from gpubspline.export.read_appended import StoredGrid, read_appended
 from gpubspline.export.sets import ELEMENTS as ELEMENT_SET
@@ -216,6 +218,12 @@ def _grouped(given: Any) -> set[int]:
 def _node_sets(given: Any) -> dict[str, NDArray[np.int32]]:
     """Point sets, and groups of vertex cells: Gmsh's way, ours ending in ``_nodes`` where a surface has the name."""
     sets = {name: np.asarray(members, dtype=np.int32) for name, members in given.point_sets.items()}
+    solid = [block.type != "vertex" for block in given.cells]
+    others = {
+        name
+        for name, members in given.cell_sets.items()
+        if any(part is not None and len(part) and held for part, held in zip(members, solid, strict=False))
+    }
     for name, members in given.cell_sets.items():
         parts = [
             block.data[np.asarray(part, dtype=np.int64), 0]
@@ -223,7 +231,8 @@ def _node_sets(given: Any) -> dict[str, NDArray[np.int32]]:
             if block.type == "vertex" and part is not None and len(part)
         ]
         if parts and name in given.field_data:
-            sets[name.removesuffix("_nodes")] = np.sort(np.concatenate(parts)).astype(np.int32)
+            own = name.removesuffix(NODES_END)
+            sets[own if ended(own, others, NODES_END) else name] = np.sort(np.concatenate(parts)).astype(np.int32)
     return sets
 
 
