@@ -143,9 +143,9 @@ def test_a_thin_plate_keeps_its_thickness(device: Device) -> None:
 
 @pytest.mark.parametrize("device", ["opencl"], indirect=True)
 def test_faces_of_a_rod_are_measured_while_they_cut_off_much(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two elements thick: what one round leaves another brings in."""
-    line = np.zeros((2401, 3))
-    line[:, 2] = np.linspace(-12, 12, len(line))
+    """Two elements thick: what one round leaves another brings in. Its axis lies where no rounding chooses the cells."""
+    line = np.tile([1.1, 0.9, 0.1], (2401, 1))
+    line[:, 2] += np.linspace(-12, 12, len(line))
     region = sampled(lambda points: rod(points, line, 3.0), (8, 8, 18), 1.0)
 
     def off() -> float:
@@ -153,7 +153,7 @@ def test_faces_of_a_rod_are_measured_while_they_cut_off_much(device: Device, mon
 
     most = off()
     monkeypatch.setattr("gpubspline.mesh.blocks.place.ROUNDS", 1)
-    assert most < 0.01 < off()
+    assert most < 0.003 < off()
 
 
 def test_chords_of_flat_faces_are_their_distance() -> None:
