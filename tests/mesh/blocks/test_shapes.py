@@ -143,7 +143,7 @@ def test_a_thin_plate_keeps_its_thickness(device: Device) -> None:
 
 @pytest.mark.parametrize("device", ["opencl"], indirect=True)
 def test_faces_of_a_rod_are_measured_while_they_cut_off_much(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two elements thick: what one round leaves another brings in. Its axis lies where no rounding chooses the cells."""
+    """Two elements thick: what one round leaves another brings in. Its axis lies where rounding chooses no cell."""
     line = np.tile([1.1, 0.9, 0.1], (2401, 1))
     line[:, 2] += np.linspace(-12, 12, len(line))
     region = sampled(lambda points: rod(points, line, 3.0), (8, 8, 18), 1.0)
