@@ -61,7 +61,12 @@ ON_HOST: dict[str, Callable[[Host], Iterator[Row]]] = {
 NAMES = tuple(dict.fromkeys((*ON_DEVICES, *ON_HOST)))
 
 
-def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "full") -> Iterator[Row]:
+def run(
+    only: Sequence[str] = (),
+    devices: Sequence[str] = (),
+    scale: str = "full",
+    begun: Callable[[str], object] = str,
+) -> Iterator[Row]:
     """Give the rows as they are measured.
 
     Arguments
@@ -69,6 +74,7 @@ def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "ful
     only: names of ``NAMES``; all of them where empty.
     devices: as for ``open_device``; every device of every backend that is present where empty.
     scale: one of ``measure.SCALES``.
+    begun: is told which bench comes next, and where.
 
     Raises
     ------
@@ -81,7 +87,7 @@ def run(only: Sequence[str] = (), devices: Sequence[str] = (), scale: str = "ful
         raise InputError(f"expected a bench of {', '.join(NAMES)}, got {', '.join(unknown)}")
     needed = any(name in ON_DEVICES for name in wanted)
     opened = [open_device(name) for name in tuple(devices) or present()] if needed else []
-    return _rows(wanted, opened, scale)
+    return _rows(wanted, opened, scale, begun)
 
 
 def present() -> tuple[str, ...]:
@@ -90,14 +96,19 @@ def present() -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda name: not name.startswith("opencl")))
 
 
-def _rows(wanted: Sequence[str], devices: Sequence[Device], scale: str) -> Iterator[Row]:
-    on_devices = [bench for name, bench in ON_DEVICES.items() if name in wanted]
+def _rows(
+    wanted: Sequence[str], devices: Sequence[Device], scale: str, begun: Callable[[str], object]
+) -> Iterator[Row]:
+    on_devices = {name: bench for name, bench in ON_DEVICES.items() if name in wanted}
+    begun("bandwidth of memory")
     places = [bench_bandwidth.measure(device, scale) for device in devices if on_devices]
-    for bench in on_devices:
+    for name, bench in on_devices.items():
         for place in places:
+            begun(f"{name} on {place.device.backend}")
             yield from (replace(row, gpu=place.device.cores == 0) for row in bench(place))
     for name, host_bench in ON_HOST.items():
         if name in wanted:
+            begun(name)
             with tempfile.TemporaryDirectory() as folder:
                 yield from host_bench(Host(Path(folder), scale))
 

@@ -83,7 +83,9 @@ def test_scale_watches_memory_and_draws(tmp_path: Path) -> None:
 
 
 def test_bandwidth_is_measured_where_asked(device: Device) -> None:
-    fill, triad, *of_a_gpu = run.run(["bandwidth"], [device.name], "tiny")
+    begun: list[str] = []
+    fill, triad, *of_a_gpu = run.run(["bandwidth"], [device.name], "tiny", begun.append)
+    assert begun == ["bandwidth of memory", f"bandwidth on {device.backend}"]
     assert [row.name for row in of_a_gpu] == ([] if device.cores else ["copy", "gather"])
     assert (fill.name, triad.name) == ("fill", "triad") and fill.device == triad.device == device.name
     assert fill.items / fill.seconds == pytest.approx(1e9 / fill.seconds)

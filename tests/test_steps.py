@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import gpubspline as gb
+from gpubspline import progress
 from gpubspline.clock import Clock
 from gpubspline.errors import InputError
 from gpubspline.pipeline import fit_patch
-from gpubspline.progress import ShownClock, is_watched
+from gpubspline.progress import LoggedClock, ShownClock, is_watched
 from gpubspline.recipe import Shaping, Source
 
 TEN_LINES = """\
@@ -83,6 +84,19 @@ def test_progress_is_silent_in_a_pipe_and_shown_on_a_terminal(
     with ShownClock(is_watched()) as clock, clock.stage("read"):
         clock.advance(1, 2)
     assert "read" in capsys.readouterr().err
+
+
+def test_a_log_is_told_now_and_then_what_is_done(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "EVERY_S", 0.01)
+    said = ""
+    with LoggedClock() as clock, clock.stage("blocks"):
+        clock.tell("900 hexes")
+        clock.advance(3, 7)
+        while "\n" not in said:
+            said += capsys.readouterr().err
+    assert "gpubspline: blocks, 900 hexes, 3 of 7: 0 s\n" in said and clock.seconds.keys() == {"blocks"}
 
 
 def test_a_notebook_shows_volume_mesh_and_quality(series: Path, tmp_path: Path) -> None:

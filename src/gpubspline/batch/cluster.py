@@ -4,7 +4,7 @@ import importlib
 import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from typing import Any
 
@@ -66,7 +66,8 @@ def _local(distributed: Any, workers: int) -> Any:
     threads = str(max(1, (os.cpu_count() or 1) // workers))
     env = {"POCL_MAX_PTHREAD_COUNT": threads, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
     dask = importlib.import_module("dask")
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):  # whom to blame is counted in cohort.py
+    no_limit = {"distributed.scheduler.allowed-failures": 0}  # whom to blame is counted in cohort.py
+    with dask.config.set(no_limit), _ended_quietly():
         return distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -78,6 +79,21 @@ def _local(distributed: Any, workers: int) -> Any:
             silence_logs=logging.CRITICAL,
             env=env,
         )
+
+
+@contextmanager
+def _ended_quietly() -> Iterator[None]:
+    """Close a cluster that was interrupted while it started: dask would at exit, with a traceback of its own."""
+    known = importlib.import_module("distributed.deploy.spec").SpecCluster._instances
+    others = set(known)
+    try:
+        yield
+    except BaseException:
+        for begun in set(known) - others:
+            with suppress(Exception):
+                begun.close(timeout=TIMEOUT_S)
+            known.discard(begun)
+        raise
 
 
 def _check_package(client: Any, scheduler: str) -> None:

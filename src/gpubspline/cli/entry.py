@@ -18,19 +18,24 @@ from gpubspline.errors import GpubsplineError, GpubsplineWarning
 def run() -> None:
     """Run the command line.
 
-    Whatever is wrong with the input is one line on stderr and exit status 2; so is an interrupt, with 130.
+    Whatever is wrong with the input is one line on stderr and exit status 2; so is an interrupt, with 130, and what
+    else ends a process, with 128 and the number of its signal.
     """
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GpubsplineWarning)
     warnings.showwarning = warned.warn
     warned.forget()
     signal.signal(signal.SIGTERM, _terminate)
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # nohup has it ignored
+        signal.signal(signal.SIGHUP, _terminate)
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except USAGE_ERROR as error:
         _fail(error.format_message() + _hint())
     except (typer.Abort, KeyboardInterrupt):
         _fail("interrupted", INTERRUPTED)
+    except _Terminated as end:
+        _fail("terminated", int(end.code or 0))
     except ImportError as error:
         if isinstance(error.__cause__, KeyboardInterrupt):  # in the middle of loading a compiled module
             _fail("interrupted", INTERRUPTED)
@@ -49,9 +54,13 @@ def run() -> None:
     raise SystemExit(status if isinstance(status, int) else 0)
 
 
+class _Terminated(SystemExit):
+    """Another process ended this one, or its terminal was closed."""
+
+
 def _terminate(number: int, _: object) -> NoReturn:
     """End as by an error, so that no half of a file stays."""
-    raise SystemExit(128 + number)
+    raise _Terminated(128 + number)
 
 
 def _hint() -> str:

@@ -31,10 +31,11 @@ class RunOptions:
         return self._device
 
     def clock(self) -> Any:
-        """Progress on stderr, where that is a terminal; of the kernels of the device that was opened, too."""
-        from gpubspline.progress import ShownClock
+        """Progress on stderr, of the kernels of the device that was opened, too: live on a terminal, else in lines."""
+        from gpubspline.progress import LoggedClock, ShownClock
 
-        clock = ShownClock(shown=not self.quiet and sys.stderr.isatty())
+        watched = sys.stderr.isatty()
+        clock = ShownClock(shown=watched and not self.quiet) if watched or self.quiet else LoggedClock()
         if self._device is not None:
             self._device.on_build = clock.building
         return clock
