@@ -461,6 +461,7 @@ REFUSED = {
     "both": (CASE.replace("away_mm = 5.0", "away_mm = 5.0\naway_of_width = 1"), "away_mm or away_of_width.*got both"),
     "neither": (CASE.replace(", area_mm2 = 8", ""), "radius_mm or area_mm2 in patch.*got neither"),
     "number": (CASE.replace("pressure_mpa = 0.5", 'pressure_mpa = "much"'), "a number for pressure_mpa"),
+    "angle": (CASE.replace("within_deg = 45", "within_deg = 270"), r"at most 180 for within_deg in cap of .*, got 270"),
     "list": ("force = 3\n", "a list for force"),
     "unheld": ('[[force]]\nregion = "w1"\nforce_n = [0, 0, 1]\n', r"at least one support \(\[\[fixed\]\]\)"),
     "unloaded": ('[[fixed]]\nregion = "w0"\n', "got supports only"),

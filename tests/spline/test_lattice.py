@@ -13,7 +13,7 @@ from gpubspline.ct.region import Region, otsu_threshold, region_from_threshold
 from gpubspline.ct.volume import Volume
 from gpubspline.errors import InputError
 from gpubspline.spline import lattice as lattice_module
-from gpubspline.spline.lattice import ControlLattice, control_lattice, data_shape, default_shape
+from gpubspline.spline.lattice import ControlLattice, control_lattice, data_shape, default_shape, sample_hu
 from gpubspline.spline.reformat import stack
 from gpubspline.spline.spans import blend, fill_gaps, row_spans, tips
 
@@ -242,6 +242,18 @@ def test_data_shape_is_what_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> N
     assert data_shape(region, "z", 23) == (24, 32)
     monkeypatch.setattr(lattice_module, "LARGEST_DATA", 24 * 32 * 36 / 8)
     assert data_shape(region) == (12, 16, 18)
+    monkeypatch.setattr(lattice_module, "LARGEST_DATA", 12)  # a thin slab of many samples keeps its two
+    assert data_shape(region) == (2, 2, 2)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_hu_of_points_outside_are_those_of_the_nearest_place(interpolation: str) -> None:
+    """Of points that all lie beyond one end, too: none of the volume is around them."""
+    hu = np.random.default_rng(0).normal(size=(7, 8, 9))
+    volume = Volume(hu.astype(np.float32), np.eye(4))
+    for outside, nearest in (((99, 3, 2), (8, 3, 2)), ((-99, 3, 2), (0, 3, 2)), ((4, 7, 99), (4, 7, 6))):
+        found = sample_hu(volume, np.array([outside, outside], dtype=float), interpolation)
+        np.testing.assert_allclose(found, hu[nearest[::-1]], rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -167,9 +167,14 @@ def _element_blocks(mesh: Mesh, elements: NDArray[Any], cells: NDArray[np.int32]
 
 def _rigid_motions(mesh: Mesh, held: Flags) -> NDArray[np.float32]:
     """Six motions (3 n, 6), 0 where a direction is held."""
-    at = mesh.points.astype(np.float64)
-    x, y, z = ((at - at.mean(axis=0)) / max(float(np.ptp(at, axis=0).max()), 1e-300)).T
+    moved = rigid_motions(mesh, np.arange(mesh.n_nodes)) * ~held[..., None]
+    return np.ascontiguousarray(moved.reshape(-1, 6), dtype=np.float32)
+
+
+def rigid_motions(mesh: Mesh, nodes: NDArray[np.integer]) -> Floats:
+    """Three shifts and three turns about their middle of nodes (k,), as displacements (k, 3, 6) of about 1."""
+    at = mesh.points[nodes].astype(np.float64)
+    x, y, z = ((at - at.mean(axis=0)) / max(float(np.ptp(mesh.points, axis=0).max()), 1e-300)).T
     none, one = np.zeros(len(x)), np.ones(len(x))
     motions = [[one, none, none, none, z, -y], [none, one, none, -z, none, x], [none, none, one, y, -x, none]]
-    moved = np.array(motions).transpose(2, 0, 1) * ~held[..., None]
-    return np.ascontiguousarray(moved.reshape(-1, 6), dtype=np.float32)
+    return np.asarray(np.array(motions).transpose(2, 0, 1))

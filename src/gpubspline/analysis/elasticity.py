@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from gpubspline.analysis.aggregation import rigid_motions
 from gpubspline.analysis.corners import corners
 from gpubspline.analysis.krylov import Operator, Progress, Vectors, conjugate_gradients
 from gpubspline.analysis.multilevel import multilevel
@@ -200,14 +201,7 @@ def _check_supports(mesh: Mesh, held: Flags, nodes: NDArray[Any]) -> None:
     """Raise unless the held directions of a body's nodes leave none of its six rigid motions."""
     rank = 0
     if len(nodes):
-        at = mesh.points[nodes].astype(np.float64)
-        at = (at - at.mean(axis=0)) / max(float(np.ptp(mesh.points, axis=0).max()), 1e-300)
-        x, y, z = at.T
-        none, one = np.zeros(len(x)), np.ones(len(x))
-        motions = np.array(
-            [[one, none, none, none, z, -y], [none, one, none, -z, none, x], [none, none, one, y, -x, none]]
-        )
-        rows = motions.transpose(2, 0, 1)[held[nodes]]
+        rows = rigid_motions(mesh, nodes)[held[nodes]]
         rank = int(np.linalg.matrix_rank(rows.T @ rows, tol=1e-12, hermitian=True))
     if rank < 6:
         raise InputError(

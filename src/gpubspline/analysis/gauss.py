@@ -129,10 +129,8 @@ def von_mises(stress: Floats) -> Floats:
 
 def principal(stress: Floats) -> Floats:
     """Principal values (3, n) of stresses (6, n), the greatest first."""
-    tensor = np.empty((stress.shape[1], 3, 3))
-    for values, (row, column) in zip(stress, COMPONENTS, strict=True):
-        tensor[:, row, column] = tensor[:, column, row] = values
-    return np.ascontiguousarray(np.linalg.eigvalsh(tensor).T[::-1])
+    tensors = np.ascontiguousarray(_tensors(stress).transpose(2, 0, 1))
+    return np.ascontiguousarray(np.linalg.eigvalsh(tensors).T[::-1])
 
 
 def _derivatives(planes: Floats, nodes: NDArray[np.int32], gradient: Floats) -> Floats:

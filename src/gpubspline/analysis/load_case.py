@@ -271,6 +271,8 @@ def _cap(table: Any, where: str) -> Part:
     given = checked(table, where, {"towards": list}, sizes)
     depth, of_width = _needed(given, "depth_mm", "depth_of_width", where)
     within = _positive(given["within_deg"], f"within_deg in {where}") if "within_deg" in given else None
+    if within is not None and within > 180:
+        raise InputError(f"expected at most 180 for within_deg in {where}, got {within:g}")
     return Cap(_vector(given["towards"], f"towards in {where}"), depth, of_width, within)
 
 

@@ -130,7 +130,7 @@ def data_shape(region: Region, axis: str = "z", slice_index: int | None = None) 
     directions = 3 if slice_index is None else 2
     limits = _limits(_slices(stack(region, axis), directions, axis, slice_index))[:directions]
     share = min(1.0, (LARGEST_DATA / float(np.prod(limits))) ** (1 / directions))
-    return tuple(int(limit * share) for limit in limits)
+    return tuple(max(int(limit * share), min(limit, 2)) for limit in limits)
 
 
 def _slices(whole: Stack, directions: int, axis: str, slice_index: int | None) -> Stack:
@@ -242,7 +242,8 @@ def surface_hu(
 
 
 def sample_hu(volume: Volume, points: Floats, interpolation: str = "linear") -> Floats:
-    """HU (...) at LPS points (..., 3), ``"linear"`` or ``"cubic"``, from the part of the volume around them.
+    """HU (...) at LPS points (..., 3), ``"linear"`` or ``"cubic"``, from the part of the volume around them; outside
+    of it that of the nearest place on its boundary.
 
     Raises InputError for another interpolation.
     """
@@ -251,8 +252,9 @@ def sample_hu(volume: Volume, points: Floats, interpolation: str = "linear") -> 
     order = ORDERS[interpolation]
     indices = volume.to_indices(points)
     others = tuple(range(indices.ndim - 1))
-    low = np.maximum(np.floor(indices.min(axis=others)).astype(int) - CUBIC_MARGIN, 0)
-    high = np.minimum(np.ceil(indices.max(axis=others)).astype(int) + CUBIC_MARGIN + 1, volume.shape)
+    last = np.array(volume.shape) - 1  # points may lie outside, all of them beyond one end too
+    low = np.clip(np.floor(np.minimum(indices.min(axis=others), last)).astype(int) - CUBIC_MARGIN, 0, last)
+    high = np.clip(np.ceil(np.maximum(indices.max(axis=others), 0)).astype(int) + CUBIC_MARGIN + 1, 1, last + 1)
     window = tuple(slice(int(a), int(b)) for a, b in zip(low[::-1], high[::-1], strict=True))
     coordinates = np.moveaxis((indices - low)[..., ::-1], -1, 0)
     part = volume.hu[window] if order == 1 else volume.hu[window].astype(np.float64)

@@ -56,7 +56,7 @@ def _crossing(rows: NDArray[np.float32], within: NDArray[Any], beyond: NDArray[A
     # how far from the inside sample to its outside neighbour the zero lies; 0 where the grid ends
     a = np.take_along_axis(rows, within[..., None], axis=-1)[..., 0].astype(np.float64)
     b = np.take_along_axis(rows, beyond[..., None], axis=-1)[..., 0].astype(np.float64)
-    return np.where((within == beyond) | (b <= a), 0.0, a / np.where(b > a, a - b, 1.0))
+    return np.where(within == beyond, 0.0, a / np.where(b > a, a - b, 1.0))
 
 
 def tips(slabs: NDArray[np.float32]) -> tuple[Floats, Floats]:
