@@ -268,7 +268,8 @@ def _curved(made: Blocks, element: str, device: Device) -> tuple[Mesh, dict[str,
     held = curved.held_back
     if held["count"]:
         warnings.warn(
-            f"{held['count']:,} midway nodes stay up to {held['max_mm']:.2g} mm off the surface, so that no hex folds",
+            f"{held['count']:,} midway nodes go only part of their way to the surface, or the boundary between labels, "
+            f"so that no hex folds: up to {held['max_mm']:.2g} mm are left of it",
             GpubsplineWarning,
             stacklevel=2,
         )

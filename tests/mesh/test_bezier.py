@@ -102,7 +102,7 @@ def test_the_surface_is_met_at_the_order_of_the_degree() -> None:
     """Chords of a sphere leave it by h^2, quadratics and cubics by h^4: each halving gains 4 and 16."""
     off: dict[int, list[float]] = {}
     for degree, refinement in product((1, 2, 3), (4, 8)):
-        mesh = bezier_blocks(ball(), on_sphere, 1).sample(refinement, project=on_sphere)
+        mesh = bezier_blocks(ball(), on_sphere, 1).sample(refinement, exact=True)
         fine = bezier_blocks(mesh, on_sphere, degree).sample(4)
         surface = fine.points[np.unique(fine.boundary())]
         off.setdefault(degree, []).append(float(np.abs(np.linalg.norm(surface, axis=1) - RADIUS).max()))
@@ -113,7 +113,7 @@ def test_the_surface_is_met_at_the_order_of_the_degree() -> None:
 
 def test_curved_elements_fill_a_ball() -> None:
     exact = 4 / 3 * np.pi * RADIUS**3
-    mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, project=on_sphere)
+    mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, exact=True)
     blocks = bezier_blocks(mesh, on_sphere, 2)
     assert mesh.volume_mm3 < 0.95 * exact
     assert blocks.sample(1, "hex27").volume_mm3 == pytest.approx(exact, rel=2e-4)
@@ -129,7 +129,7 @@ def wild(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
 def test_points_are_held_back_where_a_block_would_fold(
     degree: int, monkeypatch: pytest.MonkeyPatch, device64: Device
 ) -> None:
-    mesh = bezier_blocks(ball(), on_sphere, 1).sample(3, project=on_sphere)
+    mesh = bezier_blocks(ball(), on_sphere, 1).sample(3, exact=True)
     straight = certify(mesh, device64)
 
     def least(blocks: BezierBlocks) -> np.ndarray:
@@ -139,7 +139,7 @@ def test_points_are_held_back_where_a_block_would_fold(
 
     held = bezier_blocks(mesh, wild, degree)
     assert least(held).min() > -1e-9
-    assert scaled_jacobian(held.sample(3, project=wild), device64).min() > 0
+    assert scaled_jacobian(held.sample(3, exact=True), device64).min() > 0
     firm = bezier_blocks(mesh, wild, degree, floor=0.4).sample(4)  # no straight one is below
     assert scaled_jacobian(held.sample(4), device64).min() < 0.35 and scaled_jacobian(firm, device64).min() > 0.39
     count = held.lattice.on_boundary.sum()
@@ -151,18 +151,18 @@ def test_points_are_held_back_where_a_block_would_fold(
 
 def test_corners_that_stay_keep_what_is_near_them() -> None:
     """A corner drawn out to 1.3 radii: edges to it stay about straight, all else is on the sphere."""
-    mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, project=on_sphere)
+    mesh = bezier_blocks(ball(), on_sphere, 1).sample(4, exact=True)
     tip = int(np.argmax(mesh.points[:, 2]))
     mesh.points[tip] *= 1.3
     blocks = bezier_blocks(mesh, on_sphere, 2, stay=np.array([tip]))
     assert blocks.held_back == {"count": 0, "max_mm": 0.0}  # what stays on purpose is not
-    fine = blocks.sample(3, project=on_sphere)
+    fine = blocks.sample(3, exact=True)
     np.testing.assert_allclose(fine.points[tip], mesh.points[tip])
     radii = np.linalg.norm(fine.points[np.unique(fine.boundary())], axis=1)
     off = np.abs(radii - RADIUS) > 1e-6 * RADIUS
     assert 1 + 4 * 2 + 4 * 4 <= np.count_nonzero(off) <= 1 + 4 * 2 + 4 * 6  # of four faces, their far sides are on it
     assert np.sort(radii)[-5:].min() > 1.1 * RADIUS
-    every = bezier_blocks(mesh, on_sphere, 2).sample(3, project=on_sphere)
+    every = bezier_blocks(mesh, on_sphere, 2).sample(3, exact=True)
     assert np.ptp(np.linalg.norm(every.points[np.unique(every.boundary())], axis=1)) < 1e-6 * RADIUS
 
 

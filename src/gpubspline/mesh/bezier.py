@@ -4,7 +4,7 @@ Control points come from points that the blocks pass through: on the surface the
 follow by transfinite interpolation (Gordon and Hall 1973) of edges and faces.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
@@ -17,12 +17,10 @@ from gpubspline.mesh.bernstein import bernstein, from_samples, lobatto
 from gpubspline.mesh.elements import find_element
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.shared_lattice import FACES, SharedLattice
+from gpubspline.mesh.sheets import OnSheet, Project, Sheet, laid_on, outer_faces, ways
 
 Floats = NDArray[np.float64]
-Project = Callable[[Floats, Floats], Floats]
-"""Moves points (n, 3), mm, near a surface onto it; with the outward normals (n, 3) of the hexes there."""
-
-Put = Callable[[Floats, NDArray[np.int64], Floats], None]
+Put = Callable[[Floats, int, int], None]
 
 MAX_DEGREE = 3
 
@@ -44,15 +42,17 @@ class BezierBlocks:
     lattice: numbers of the blocks' control points.
     control: (n, 3) float64, mm.
     element_sets: members of each named set of blocks.
-    there: (n,) whether each outer point of the lattice went all its way to the surface.
-    held_back: outer points that went part of their way to the surface alone, so that no block folds, and how far they
-        stayed off it: ``{"count": 0, "max_mm": 0.0}``.
+    sheets: what their faces follow.
+    there: points (p,) of the lattice that went all their way to each of these.
+    held_back: points that went part of their way alone, so that no block folds, and how far they stayed off:
+        ``{"count": 0, "max_mm": 0.0}``.
     """
 
     lattice: SharedLattice
     control: Floats
     element_sets: dict[str, NDArray[np.int32]]
-    there: NDArray[np.bool_]
+    sheets: tuple[Sheet, ...]
+    there: tuple[NDArray[np.int64], ...]
     held_back: dict[str, float]
 
     @property
@@ -64,14 +64,14 @@ class BezierBlocks:
         """Control points (d + 1, d + 1, d + 1, 3) of one block, as ``spline.hyperpatch.bezier`` takes them."""
         return np.asarray(self.control[self.lattice.numbers[number]])
 
-    def sample(self, density: int = 1, element_type: str = "hex8", project: Project | None = None) -> Mesh:
+    def sample(self, density: int = 1, element_type: str = "hex8", *, exact: bool = False) -> Mesh:
         """Divide every block into ``density`` elements along each of its directions.
 
         Arguments
         ---------
         element_type: ``"hex8"``, ``"hex20"`` or ``"hex27"``; midway nodes lie on the blocks.
-        project: puts the nodes of the surface onto it, where the blocks only come near; where these were not let go to
-            it, and with None, nodes stay on the blocks.
+        exact: put nodes onto the sheets, where the blocks only come near; those of blocks that were held back stay on
+            these.
 
         Returns
         -------
@@ -84,17 +84,24 @@ class BezierBlocks:
         at = bernstein(self.degree, np.linspace(0, 1, fine.degree + 1))
         points = np.empty((fine.starts[-1], 3))
         points[fine.numbers] = _along_axes(at, self.control[self.lattice.numbers])
-        if project is not None:
-            outer, share = fine.on_boundary, np.empty(len(points))
-            there = self.there[self.lattice.numbers, None].astype(np.float64)
-            share[fine.numbers] = _broken_lines(self.degree, fine.degree, there)[..., 0]
-            way = project(points[outer], outer_normals(fine, self.control[: fine.n_corners])[outer]) - points[outer]
-            points[outer] += share[outer, None] * way
+        if exact:
+            points += ways(self._finer(fine), points)
         cells = np.stack([_of_vertex(fine.numbers, vertex, element.order) for vertex in element.vertices], axis=-1)
         used, renumbered = np.unique(cells, return_inverse=True)
         sets = {name: _children(blocks, density**3) for name, blocks in self.element_sets.items()}
         connectivity = renumbered.reshape(-1, element.n_nodes).astype(np.int32)
         return Mesh(points[used], element_type, connectivity=connectivity, element_sets=sets)
+
+    def _finer(self, fine: SharedLattice) -> list[OnSheet]:
+        """Points of a finer lattice that are on the sheets."""
+        found, share = [], np.empty(fine.starts[-1])
+        for sheet, points in zip(self.sheets, self.there, strict=True):
+            there = np.zeros(len(self.control))
+            there[points] = 1.0
+            share[fine.numbers] = _broken_lines(self.degree, fine.degree, there[self.lattice.numbers, None])[..., 0]
+            numbers, normals = laid_on(fine, self.control[: fine.n_corners], sheet.faces)
+            found.append(OnSheet(numbers, normals, share[numbers], sheet.project))
+        return found
 
 
 def _of_vertex(numbers: NDArray[np.int64], vertex: tuple[int, ...], order: int) -> NDArray[np.int64]:
@@ -110,21 +117,27 @@ def _children(blocks: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 
 
 def bezier_blocks(
-    mesh: Mesh, project: Project, degree: int = 2, floor: float = 0.0, stay: NDArray[np.int32] | None = None
+    mesh: Mesh,
+    project: Project,
+    degree: int = 2,
+    floor: float = 0.0,
+    stay: NDArray[np.int32] | None = None,
+    within: Sequence[Sheet] = (),
 ) -> BezierBlocks:
-    """Curve the hexes of a mesh so that their outer faces follow a surface.
+    """Curve the hexes of a mesh so that their outer faces follow a surface, and others sheets within.
 
-    A block's outer points go only part of the way, if need be none, where its least scaled Jacobian would fall to
+    A block's points on these go only part of the way, if need be none, where its least scaled Jacobian would fall to
     ``floor``, or its least determinant over the mean one, as its Bernstein coefficients bound it, below ``KEPT`` of the
     straight hex's.
 
     Arguments
     ---------
-    mesh: hex8; corners inside stay.
-    project: onto the surface.
+    mesh: hex8; corners on no sheet stay.
+    project: onto the outer surface.
     degree: 1 to 3.
     floor: least scaled Jacobian at (3 d)^3 points of a block; blocks whose straight hex is below stay straight.
     stay: corners that are off the surface on purpose; what lies near them goes to it the less the nearer.
+    within: sheets inside the mesh.
 
     Raises
     ------
@@ -134,27 +147,25 @@ def bezier_blocks(
         raise InputError(f"expected hex8 and a degree of 1 to {MAX_DEGREE}, got {mesh.element_type} and {degree}")
     lattice = SharedLattice(mesh.cells.astype(np.int64), mesh.n_nodes, degree)
     corners = mesh.points.astype(np.float64)
-    normals = outer_normals(lattice, corners)
-    off = np.zeros(lattice.starts[-1])
+    sheets = (*within, Sheet(outer_faces(lattice), project, np.zeros(0, int) if stay is None else stay))
+    held = [_on_sheet(lattice, corners, sheet) for sheet in sheets]
+    share, off = np.ones(lattice.starts[-1]), np.zeros(lattice.starts[-1])
 
-    def put(points: Floats, numbers: NDArray[np.int64], share: Floats) -> None:
-        if numbers.size:
-            way = project(points[numbers], normals[numbers]) - points[numbers]
-            points[numbers] += share[numbers, None] * way
-            off[numbers] = (1 - share[numbers]) * np.linalg.norm(way, axis=1)
+    def put(points: Floats, first: int, stop: int) -> None:
+        part = slice(first, stop)
+        way = ways([sheet.within(first, stop) for sheet in held], points[part])
+        points[part] += share[part, None] * way
+        off[part] = (1 - share[part]) * np.linalg.norm(way, axis=1)
 
-    share, goes = np.ones(lattice.starts[-1]), np.ones(len(corners))
-    goes[[] if stay is None else stay] = 0.0
-    share[lattice.numbers] = _broken_lines(1, degree, goes[_corners_of(lattice), None])[..., 0]
-    wanted = share.copy()
-    curved = np.asarray(lattice.on_boundary[lattice.numbers].any(axis=(1, 2, 3)))
-    straight = _corners_of(lattice)[curved]
+    on_sheet = np.zeros(len(share), dtype=bool)
+    on_sheet[np.concatenate([sheet.numbers for sheet in held])] = True
+    curved = np.asarray(on_sheet[lattice.numbers].any(axis=(1, 2, 3)))
     kept = np.full(len(curved), -np.inf)
-    kept[curved] = KEPT * _least_jacobian(_broken_lines(1, degree, corners[straight]), degree)[1]
+    kept[curved] = KEPT * _least_jacobian(_broken_lines(1, degree, corners[lattice.corners[curved]]), degree)[1]
     changed = curved
     poor = np.zeros(len(curved), dtype=bool)
     for times in count():
-        control = _control(lattice, _through(lattice, corners, put, share))
+        control = _control(lattice, _through(lattice, corners, put))
         scaled, ratio = _least_jacobian(control[lattice.numbers[changed]], degree)
         poor[changed] = (scaled <= floor) | (ratio < kept[changed])
         eased = np.zeros(len(share), dtype=bool)
@@ -163,53 +174,19 @@ def bezier_blocks(
             break
         share[eased] *= EASED if times < EASINGS else 0.0
         changed = curved & eased[lattice.numbers].any(axis=(1, 2, 3))
-    held = off[lattice.on_boundary & (share < wanted)]
-    return BezierBlocks(
-        lattice,
-        control,
-        dict(mesh.element_sets),
-        share == 1,
-        {"count": len(held), "max_mm": float(held.max(initial=0.0))},
-    )
+    there = tuple(sheet.numbers[(sheet.share == 1) & (share[sheet.numbers] == 1)] for sheet in held)
+    back = off[on_sheet & (share < 1) & (off > 0)]
+    held_back = {"count": len(back), "max_mm": float(back.max(initial=0.0))}
+    return BezierBlocks(lattice, control, dict(mesh.element_sets), sheets, there, held_back)
 
 
-def outer_normals(lattice: SharedLattice, corners: Floats) -> Floats:
-    """Outward unit normals (n, 3) of straight hexes at the lattice points of their outer faces, 0 at all others."""
-    d, faces = lattice.degree, [_outer_corners(lattice, axis, side) for axis, side in FACES]
-    at_corners = np.zeros((lattice.n_corners, 3))
-    for (axis, side), quads in zip(FACES, faces, strict=True):
-        outward = (1, -1, 1)[axis] * (1 if side else -1)  # u x w looks against v
-        diagonals = corners[quads[:, 1, 1]] - corners[quads[:, 0, 0]], corners[quads[:, 0, 1]] - corners[quads[:, 1, 0]]
-        np.add.at(at_corners, quads, (outward * np.cross(*diagonals))[:, None, None])
-    at_corners = _unit(at_corners)
-    normals = np.zeros((lattice.starts[-1], 3))
-    along = np.stack([1 - np.linspace(0, 1, d + 1), np.linspace(0, 1, d + 1)], axis=1)
-    for (axis, side), quads in zip(FACES, faces, strict=True):
-        numbers = np.take(lattice.numbers, side * d, axis=1 + axis)[_is_outer(lattice, axis, side)]
-        normals[numbers] = np.einsum("ai,bj,fijx->fabx", along, along, at_corners[quads])
-    return _unit(normals)
-
-
-def _is_outer(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.bool_]:
-    """(m,) whether a hex's face is its own alone."""
-    count, number = lattice.faces
-    return np.asarray(count[number[:, FACES.index((axis, side))]] == 1)
-
-
-def _outer_corners(lattice: SharedLattice, axis: int, side: int) -> NDArray[np.int64]:
-    """(f, 2, 2) corners of the outer faces on one side, along the other two axes in turn."""
-    ends = _corners_of(lattice)
-    return np.asarray(np.take(ends, side, axis=1 + axis)[_is_outer(lattice, axis, side)])
-
-
-def _corners_of(lattice: SharedLattice) -> NDArray[np.int64]:
-    """(m, 2, 2, 2) corners of each hex along u, v, w."""
-    return np.asarray(lattice.numbers[:, :: lattice.degree, :: lattice.degree, :: lattice.degree])
-
-
-def _unit(vectors: Floats) -> Floats:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
+def _on_sheet(lattice: SharedLattice, corners: Floats, sheet: Sheet) -> OnSheet:
+    """Points of a lattice on a sheet; the nearer they are to corners that stay, the less they go."""
+    goes, share = np.ones(len(corners)), np.empty(lattice.starts[-1])
+    goes[sheet.stay] = 0.0
+    share[lattice.numbers] = _broken_lines(1, lattice.degree, goes[lattice.corners, None])[..., 0]
+    numbers, normals = laid_on(lattice, corners, sheet.faces)
+    return OnSheet(numbers, normals, share[numbers], sheet.project)
 
 
 def _control(lattice: SharedLattice, through: Floats) -> Floats:
@@ -243,26 +220,23 @@ def _least_jacobian(blocks: Floats, degree: int) -> tuple[Floats, Floats]:
     return np.concatenate([np.zeros(0), *scaled]), np.concatenate([np.zeros(0), *ratio])
 
 
-def _through(lattice: SharedLattice, corners: Floats, put: Put, share: Floats) -> Floats:
-    """Points (n, 3) that the blocks pass through at even parameters: of edges, then of faces, then inside.
-
-    ``share`` (n,): which part of its way to the surface each outer point goes.
-    """
+def _through(lattice: SharedLattice, corners: Floats, put: Put) -> Floats:
+    """Points (n, 3) that the blocks pass through at even parameters: of edges, then of faces, then inside."""
     on_edges, on_faces, inside, count = lattice.starts
-    d, outer = lattice.degree, np.flatnonzero(lattice.on_boundary)
+    d = lattice.degree
     points = np.zeros((count, 3))
     points[:on_edges] = corners
-    put(points, outer[outer < on_edges], share)
+    put(points, 0, on_edges)
     low, high = points[lattice.edges[0].T]
     part = (np.arange(1, d) / d)[:, None]
     points[on_edges:on_faces] = (low[:, None] * (1 - part) + high[:, None] * part).reshape(-1, 3)
-    put(points, outer[(outer >= on_edges) & (outer < on_faces)], share)
+    put(points, on_edges, on_faces)
     for axis, side in FACES:
         numbers = np.take(lattice.numbers, side * d, axis=1 + axis)
         values = points[numbers]
         one, other = _between_ends(values, 1), _between_ends(values, 2)
         points[numbers[:, 1:d, 1:d]] = (one + other - _between_ends(one, 2))[:, 1:d, 1:d]
-    put(points, outer[(outer >= on_faces) & (outer < inside)], share)
+    put(points, on_faces, inside)
     values = points[lattice.numbers]
     inner = values
     for axis in (1, 2, 3):  # what three differences from the linear blends leave is nothing: the blend of all faces

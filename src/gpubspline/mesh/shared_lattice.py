@@ -107,6 +107,11 @@ class SharedLattice:
         numbers[:, 1:d, 1:d, 1:d] = inside + own.reshape(m, d - 1, d - 1, d - 1)
         return numbers
 
+    @property
+    def corners(self) -> Integers:
+        """(m, 2, 2, 2) corners of each hex along u, v, w."""
+        return np.asarray(self.numbers[:, :: self.degree, :: self.degree, :: self.degree])
+
     @cached_property
     def on_boundary(self) -> NDArray[np.bool_]:
         """(n,) whether each point lies on a face that one hex alone has."""

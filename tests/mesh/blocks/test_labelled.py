@@ -18,14 +18,17 @@ from gpubspline.errors import InputError, MeshError
 from gpubspline.export import read_mesh
 from gpubspline.mesh.blocks.contacts import find_contacts
 from gpubspline.mesh.blocks.core import Cells
+from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.grow import find_core
 from gpubspline.mesh.blocks.level_set import Field, LevelSet, Part
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.parts import parts_of
 from gpubspline.mesh.blocks.pillow import pillow
 from gpubspline.mesh.blocks.repair import SOUND, patterns, repair_owners
-from gpubspline.mesh.blocks.result import Blocks
+from gpubspline.mesh.blocks.result import Blocks, sets_carried_to
+from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import assess
+from gpubspline.mesh.validity import certify
 
 RADIUS, SLOPE, HEIGHT, ACROSS, CORE = 15.0, 0.3, 2.2137, 1.337, 8.03
 
@@ -94,6 +97,65 @@ def test_an_interface_lies_on_the_boundary_of_its_bodies(device: Device) -> None
     shell = made("shell", device).mesh
     at = np.linalg.norm(shell.points[shell.node_sets["core_to_shell"]], axis=1)
     assert np.abs(at - CORE).max() < 0.1 * 2.5
+
+
+def faces_between(mesh: Mesh, one: str, other: str) -> np.ndarray:
+    """Points (f, 16, 3) at Gauss points of the faces that two bodies share, by the elements' own shape functions."""
+    there, at = set(mesh.node_sets[f"{one}_to_{other}"]), (np.polynomial.legendre.leggauss(4)[0] + 1) / 2
+    cells, found = mesh.cells[mesh.element_sets[one]], []
+    for axis, side in ((axis, side) for axis in range(3) for side in (0, 1)):
+        on = [v for v, place in enumerate(mesh.element.vertices) if place[axis] == 2 * side]
+        u, w = (index.ravel() for index in np.meshgrid(at, at))
+        shape = mesh.element.shape(np.insert(np.stack([u, w], axis=1), axis, side, axis=1))
+        shared = np.array([set(row) <= there for row in cells[:, on].tolist()])
+        found.append(np.einsum("pk,fkx->fpx", shape, mesh.points[cells[shared]]))
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("element_type", ["hex20", "hex27"])
+def test_curved_faces_between_bodies_follow_their_boundary(element_type: str, device: Device) -> None:
+    """A ball in a ball: rounder, and its volume by scikit-fem that of what the samples, 1 mm apart, say of it.
+
+    Linear between samples, a distance from a ball is greater than it is by a twelfth of its Laplacian, 2 / r.
+    """
+    blocks = curve(made("shell", device), device=device)
+    straight, sampled = made("shell", device).mesh, blocks.sample(1, element_type)
+    mesh = replace(sampled, node_sets=sets_carried_to(sampled, straight))
+    off = [np.linalg.norm(faces_between(each, "core", "shell"), axis=2) - CORE for each in (straight, mesh)]
+    bias = -2 / CORE / 12
+    assert off[1].std() < off[0].std() / 4 and abs(off[1].mean() - bias) < 0.005
+    inner = replace(mesh, connectivity=mesh.cells[mesh.element_sets["core"]], element_sets={})
+    if element_type == "hex27":
+        assert volume_by_scikit_fem(inner) == pytest.approx(4 / 3 * np.pi * (CORE + bias) ** 3, rel=2e-3)
+    assert blocks.held_back["count"] == 0 and certify(mesh, device).certificate.valid
+    assert assess(mesh, device)[1].min > assess(straight, device)[1].min - 0.05
+
+
+def volume_by_scikit_fem(mesh: Mesh) -> float:
+    """Of hex27: their corners, then their other nodes where scikit-fem numbers them."""
+    skfem = pytest.importorskip("skfem")
+    used, corners = np.unique(mesh.cells[:, [0, 1, 3, 4, 2, 5, 7, 6]], return_inverse=True)
+    straight = skfem.MeshHex(mesh.points[used].astype(np.float64).T.copy(), corners.reshape(-1, 8).T.copy())
+    dofs = skfem.CellBasis(straight, skfem.ElementHex2()).dofs.element_dofs
+    local = 2 - (2 * skfem.ElementHex2().doflocs[:, ::-1]).astype(int)  # its first axis is VTK's last one, backward
+    order = [mesh.element.vertices.index(tuple(place)) for place in local.tolist()]
+    places = np.empty((3, dofs.max() + 1))
+    places[:, dofs] = mesh.points[mesh.cells[:, order]].T
+    curved = skfem.MeshHex2(places, straight.t)
+    basis = skfem.CellBasis(curved, skfem.ElementHex2(), intorder=8)
+    return float(skfem.Functional(lambda w: 1.0 + 0 * w.x[0]).assemble(basis))
+
+
+def test_corners_of_junctions_stay_and_no_hex_folds(device: Device) -> None:
+    blocks = made("four", device)
+    straight, mesh = blocks.mesh, curve(blocks, device=device).sample(1, "hex27")
+    assert certify(mesh, device).certificate.valid
+    near, far = (straight.node_sets[f"{part}_to_{other}"] for part, other in (("left", "near"), ("left", "right")))
+    inner = np.setdiff1d(np.intersect1d(near, far), straight.node_sets["surface"])
+    assert len(inner) > 2 and np.allclose(
+        mesh.points[mesh.cells[:, :8]][np.isin(straight.cells, inner)],
+        straight.points[straight.cells][np.isin(straight.cells, inner)],
+    )
 
 
 def test_one_body_is_the_same_by_number_or_by_mask() -> None:

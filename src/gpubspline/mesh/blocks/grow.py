@@ -149,7 +149,7 @@ class Grown:
             },
         )
         tips = np.flatnonzero(self.placed.nodes.slack == FIXED).astype(np.int32)
-        return Blocks(mesh, level, self.core.cells > 0, report, tips)
+        return Blocks(mesh, level, self.core.cells, report, tips)
 
 
 def grow(
@@ -171,7 +171,7 @@ def grow(
     """
     hexes = pillow(core.cells)
     held = hold(hexes)
-    interfaces = find_interfaces(list((parts or {}).values()), held, core.cells, clamp=clamp)
+    interfaces = dict(find_interfaces(list((parts or {}).values()), held.pairs, core.cells, clamp=clamp))
     holding = Holding(hexes, held, core.distance if clamp else None, interfaces, device)
     placed = place_nodes(holding, level, effort, bulge=bulge)
     if placed.nodes.least > 0:

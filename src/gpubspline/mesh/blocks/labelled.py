@@ -4,7 +4,7 @@ Between two bodies nodes slide on half the difference of their distances, on the
 together, and where three meet along the curve of both.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Any
@@ -143,21 +143,27 @@ class Interface:
 Interfaces = dict[tuple[int, int], Interface]
 
 
-def find_interfaces(parts: Sequence[Part], held: Held, owners: Cells | Owners, *, clamp: bool = True) -> Interfaces:
+def find_interfaces(
+    parts: Sequence[Part],
+    pairs: Iterable[tuple[int, int]],
+    owners: Cells | Owners,
+    moved: Callable[[Field], Field] = bulged,
+    *,
+    clamp: bool = True,
+) -> Iterator[tuple[tuple[int, int], Interface]]:
     """Find what lies between each pair of bodies that touch.
 
-    ``clamp``: hold nodes near the cells, without which those of thin bodies are drawn to other sheets.
+    ``moved``: what nodes are held by instead. ``clamp``: hold them near the cells, without which those of thin bodies
+    are drawn to other sheets.
     """
-    own = {body: core_distance(owners == body).field for body in {body for pair in held.pairs for body in pair}}
-    found: Interfaces = {}
-    for a, b in held.pairs:
+    pairs = list(pairs)
+    own = {body: core_distance(owners == body).field for body in {body for pair in pairs for body in pair}}
+    for a, b in pairs:
         one, other = parts[a - 1], parts[b - 1]
         bricks = bricks_round(one.phi, CLIP).joined(bricks_round(other.phi, CLIP))
         phi, raw = 0.5 * (one.phi - other.phi), 0.5 * (one.raw - other.raw)
         bricks.put(brought_back(bricks, *(bricks.of(field, -CLIP, CLIP) for field in (phi, raw))), phi)
-        reached = near(bulged(phi), 0.5 * (own[a] - own[b])) if clamp else bulged(phi)
-        found[a, b] = Interface(phi, reached)
-    return found
+        yield (a, b), Interface(phi, near(moved(phi), 0.5 * (own[a] - own[b])) if clamp else moved(phi))
 
 
 def straightened(interfaces: Interfaces, hexes: Pillowed, points: NDArray[Any]) -> Interfaces:

@@ -101,7 +101,7 @@ def blocks_mesh(
     if best is None:
         raise failure
     finished = best.finished()
-    return replace(finished, report=replace(finished.report, attempts=tuple(tried)))
+    return replace(finished, report=replace(finished.report, attempts=tuple(tried)), parts=parts)
 
 
 def size_that_keeps_topology(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.chords import measure_chords
-from gpubspline.mesh.blocks.curved import curve, onto, unbiased
+from gpubspline.mesh.blocks.curved import curve, unbiased
 from gpubspline.mesh.blocks.grow import ON_SURFACE, distance_from, off_surface
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field
 from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
@@ -35,7 +35,8 @@ def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
 
     Nodes of the surface follow the level set that the coarse mesh follows, and the tips that it was drawn out to; they
     lie outside by what the faces between them cut off. The worst hex is as good as the coarse mesh's but for ``GIVEN``,
-    as far as nodes on that surface allow: poor ones and those round them are improved as the coarse ones were.
+    as far as nodes on that surface allow: poor ones and those round them are improved as the coarse ones were. Faces
+    between bodies are divided as they are: their nodes cannot move, and on a curved boundary some hexes would be poor.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def refine(made: Blocks, times: int, *, device: Device) -> Blocks:
     if times == 1:
         return made
     surface = made.surface()
-    mesh = curve(made, device=device).sample(times, project=onto(surface, device))
+    mesh = curve(made, between=False, device=device).sample(times, exact=True)
     sets = sets_carried_to(mesh, made.mesh)
     points, phi = surface.in_lattice(mesh.points), unbiased(surface.phi)
     off = distance_from(phi, points)

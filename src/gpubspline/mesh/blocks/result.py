@@ -1,14 +1,17 @@
 """A mesh of blocks and what is known of it."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpubspline.ct.region import Region
 from gpubspline.mesh.blocks.core import Cells
 from gpubspline.mesh.blocks.level_set import LevelSet
+from gpubspline.mesh.blocks.pillow import Owners
 from gpubspline.mesh.blocks.placement import Placement
 from gpubspline.mesh.blocks.reach import LostFeature, core_distance, within_reach
 from gpubspline.mesh.mesh import Mesh
@@ -161,19 +164,21 @@ class Blocks:
     ----------
     mesh: hex8.
     level: set that it conforms to.
-    core: its cells.
+    core: its cells, by the number of their body from 1 where there are several.
     report: what is known of it.
     tips: (k,) surface nodes that were drawn out of the level set to tips of the region.
+    parts: regions of several bodies, by name, in the order of their numbers.
     """
 
     mesh: Mesh
     level: LevelSet
-    core: Cells
+    core: Cells | Owners
     report: BlocksReport
     tips: NDArray[np.int32]
+    parts: Mapping[str, Region] = field(default_factory=dict)
 
     __repr__ = brief
 
     def surface(self) -> LevelSet:
         """The level set as far as the core reaches it: sheets that it does not reach are left out."""
-        return replace(self.level, phi=within_reach(self.level.phi, core_distance(self.core)))
+        return replace(self.level, phi=within_reach(self.level.phi, core_distance(self.core > 0)))
