@@ -5,6 +5,14 @@
 
 typedef struct { realv x, y, z; } lanes3;
 
+// Rings of single bins, after which they are looked at in blocks of so many a side: of those that are left most are farther
+// than what is found.
+#define NEAR 2
+#define BLOCK 8
+#define SLACK ((real)1e-3) // of a bin, by which boxes are larger than theirs, for what is rounded
+
+typedef struct { real squared, away; int chosen; } nearest_yet;
+
 inline realv inner(lanes3 a, lanes3 b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -65,9 +73,28 @@ inline real least(realv v)
     return found;
 }
 
-inline int outermost(int a, int b, int c)
+// Goes through what is listed from s to `end`.
+inline void look_through(lanes3 p, int s, int end, __global const real *corners, __global const real *balls, int n_listed,
+                         nearest_yet *found)
 {
-    return max((int)abs(a), max((int)abs(b), (int)abs(c)));
+    for (; s < end; s += LANES) {
+        if (least(beyond(p, s, n_listed, balls, found->away)) > 0)
+            continue;
+        union { realv v; real lane[LANES]; } squared = {triangle_squared(p, s, n_listed, corners)};
+        for (int lane = 0; lane < min(LANES, end - s); lane++)
+            if (squared.lane[lane] < found->squared) {
+                found->squared = squared.lane[lane];
+                found->chosen = s + lane;
+            }
+        found->away = sqrt(fmax(found->squared, (real)0));
+    }
+}
+
+// By how much a coordinate is outside of `count` bins, or 0.
+inline real outside(real at, real first, int bin, int count, real size)
+{
+    real low = first + ((real)bin - SLACK) * size, high = first + ((real)(bin + count) + SLACK) * size;
+    return fmax(fmax(low - at, at - high), (real)0);
 }
 
 // Distance from the nearest triangle and its number; -1 and -1 where none is listed within `rings` bins.
@@ -88,37 +115,45 @@ __kernel void nearest(__global const real *x, __global const real *y, __global c
     int i = clamp((int)floor((x[at] - x0) / size), 0, n_i - 1);
     int j = clamp((int)floor((y[at] - y0) / size), 0, n_j - 1);
     int k = clamp((int)floor((z[at] - z0) / size), 0, n_k - 1);
-    int chosen = known[(k * n_j + j) * n_i + i];
-    union { realv v; real lane[LANES]; } squared;
-    real best = INFINITY;
-    if (chosen >= 0) {
-        squared.v = triangle_squared(p, chosen, n_listed, corners);
-        best = squared.lane[0];
+    nearest_yet found = {INFINITY, INFINITY, known[(k * n_j + j) * n_i + i]};
+    if (found.chosen >= 0) {
+        union { realv v; real lane[LANES]; } squared = {triangle_squared(p, found.chosen, n_listed, corners)};
+        found.squared = squared.lane[0];
+        found.away = sqrt(fmax(found.squared, (real)0));
     }
-    real away = sqrt(fmax(best, (real)0));
-    for (int ring = 0; ring <= rings; ring++) {
-        for (int c = max(k - ring, 0); c <= min(k + ring, n_k - 1); c++)
-            for (int b = max(j - ring, 0); b <= min(j + ring, n_j - 1); b++)
-                for (int a = max(i - ring, 0); a <= min(i + ring, n_i - 1); a++) {
-                    if (outermost(a - i, b - j, c - k) != ring)
-                        continue;
-                    int bin = (c * n_j + b) * n_i + a;
-                    for (int s = start[bin], end = start[bin + 1]; s < end; s += LANES) {
-                        if (least(beyond(p, s, n_listed, balls, away)) > 0)
+    real off_x = outside(x[at], x0, 0, n_i, size), off_y = outside(y[at], y0, 0, n_j, size);
+    real off_z = outside(z[at], z0, 0, n_k, size), off = off_x * off_x + off_y * off_y + off_z * off_z;
+    bool going = true;
+    for (int edge = 1; going && edge <= BLOCK; edge *= BLOCK) {
+        int rings_here = edge == 1 ? min(rings, NEAR) : rings > NEAR ? rings / edge + 1 : -1;
+        int i_here = i / edge, j_here = j / edge, k_here = k / edge;
+        for (int ring = 0; going && ring <= rings_here; ring++) {
+            for (int c = max(k_here - ring, 0); c <= min(k_here + ring, (n_k - 1) / edge); c++) {
+                int first_k = c * edge, count_k = min(edge, n_k - first_k);
+                real dz = outside(z[at], z0, first_k, count_k, size);
+                for (int b = max(j_here - ring, 0); b <= min(j_here + ring, (n_j - 1) / edge); b++) {
+                    int first_j = b * edge, count_j = min(edge, n_j - first_j);
+                    real dy = outside(y[at], y0, first_j, count_j, size);
+                    bool whole = max(abs(c - k_here), abs(b - j_here)) == ring; // else its two ends alone are of the ring
+                    for (int a = i_here - ring; a <= min(i_here + ring, (n_i - 1) / edge); a += whole ? 1 : 2 * ring) {
+                        int first_i = a * edge, count_i = min(edge, n_i - first_i);
+                        int bin = (first_k * n_j + first_j) * n_i + first_i;
+                        if (a < 0 || (edge == 1 && start[bin] == start[bin + 1])) // most are empty
                             continue;
-                        squared.v = triangle_squared(p, s, n_listed, corners);
-                        for (int lane = 0; lane < min(LANES, end - s); lane++)
-                            if (squared.lane[lane] < best) {
-                                best = squared.lane[lane];
-                                chosen = s + lane;
-                            }
-                        away = sqrt(fmax(best, (real)0));
+                        real dx = outside(x[at], x0, first_i, count_i, size);
+                        if (dx * dx + dy * dy + dz * dz > found.squared)
+                            continue;
+                        for (int row = 0; row < count_j * count_k; row++) {
+                            int begin = bin + (row / count_j * n_j + row % count_j) * n_i;
+                            look_through(p, start[begin], start[begin + count_i], corners, balls, n_listed, &found);
+                        }
                     }
                 }
-        real reach = (real)ring * size;
-        if (best <= reach * reach)
-            break;
+            }
+            real reach = (real)(ring * edge) * size;
+            going = found.squared > off + reach * reach;
+        }
     }
-    distance[at] = chosen >= 0 ? sqrt(fmax(best, (real)0)) : (real)-1;
-    triangle[at] = chosen >= 0 ? listed[chosen] : -1;
+    distance[at] = found.chosen >= 0 ? found.away : (real)-1;
+    triangle[at] = found.chosen >= 0 ? listed[found.chosen] : -1;
 }

@@ -8,6 +8,10 @@ from typing import Any
 
 import warp as wp
 
+NEAR = wp.constant(2)  # rings of single bins, after which they are looked at in blocks of so many a side:
+BLOCK = wp.constant(8)  # of those that are left most are farther than what is found
+SLACK = wp.constant(1e-3)  # of a bin, by which boxes are larger than theirs, for what is rounded
+
 
 @wp.func
 def segment_squared(px: Any, py: Any, pz: Any, ex: Any, ey: Any, ez: Any):
@@ -67,11 +71,6 @@ def triangle_squared(px: Any, py: Any, pz: Any, t: wp.int32, m: wp.int32, corner
 
 
 @wp.func
-def outermost(a: wp.int32, b: wp.int32, c: wp.int32):
-    return wp.max(wp.abs(a), wp.max(wp.abs(b), wp.abs(c)))
-
-
-@wp.func
 def is_beyond(px: Any, py: Any, pz: Any, t: wp.int32, m: wp.int32, balls: wp.array(dtype=Any), best: Any):
     """Whether the ball round triangle t is farther from p than the square root of best."""
     dx = px - balls[t]
@@ -79,6 +78,39 @@ def is_beyond(px: Any, py: Any, pz: Any, t: wp.int32, m: wp.int32, balls: wp.arr
     dz = pz - balls[2 * m + t]
     away = wp.sqrt(best) + balls[3 * m + t]
     return dx * dx + dy * dy + dz * dz > away * away
+
+
+@wp.func
+def look_through(
+    px: Any,
+    py: Any,
+    pz: Any,
+    begin: wp.int32,
+    end: wp.int32,
+    corners: wp.array(dtype=Any),
+    balls: wp.array(dtype=Any),
+    m: wp.int32,
+    best: Any,
+    chosen: wp.int32,
+):
+    """Least squared distance, and where it is listed, once what is listed from ``begin`` to ``end`` is seen too."""
+    least = type(px)(best)
+    where = wp.int32(chosen)
+    for s in range(begin, end):
+        if where < 0 or not is_beyond(px, py, pz, s, m, balls, least):
+            squared = triangle_squared(px, py, pz, s, m, corners)
+            if where < 0 or squared < least:
+                least = squared
+                where = s
+    return least, where
+
+
+@wp.func
+def outside(at: Any, first: Any, bin: wp.int32, count: wp.int32, size: Any):
+    """By how much a coordinate is outside of ``count`` bins, or 0."""
+    low = first + (type(at)(bin) - type(at)(SLACK)) * size
+    high = first + (type(at)(bin + count) + type(at)(SLACK)) * size
+    return wp.max(wp.max(low - at, at - high), type(at)(0.0))
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -123,24 +155,46 @@ def nearest(
     best = type(px)(-1.0)
     if chosen >= 0:
         best = triangle_squared(px, py, pz, chosen, n_listed, corners)
+    off_x = outside(px, x0, 0, n_i, size)
+    off_y = outside(py, y0, 0, n_j, size)
+    off_z = outside(pz, z0, 0, n_k, size)
+    off = off_x * off_x + off_y * off_y + off_z * off_z
+    edge = wp.int32(1)
+    rings_here = wp.min(rings, NEAR)
     ring = wp.int32(0)
-    going = wp.int32(1)
-    while going == 1:
-        for c in range(wp.max(k - ring, 0), wp.min(k + ring, n_k - 1) + 1):
-            for b in range(wp.max(j - ring, 0), wp.min(j + ring, n_j - 1) + 1):
-                for a in range(wp.max(i - ring, 0), wp.min(i + ring, n_i - 1) + 1):
-                    if outermost(a - i, b - j, c - k) == ring:
-                        bin = (c * n_j + b) * n_i + a
-                        for s in range(start[bin], start[bin + 1]):
-                            if chosen < 0 or not is_beyond(px, py, pz, s, n_listed, balls, best):
-                                squared = triangle_squared(px, py, pz, s, n_listed, corners)
-                                if chosen < 0 or squared < best:
-                                    best = squared
-                                    chosen = s
-        reach = type(px)(ring) * size
+    while ring <= rings_here:
+        i_here = i // edge
+        j_here = j // edge
+        k_here = k // edge
+        for c in range(wp.max(k_here - ring, 0), wp.min(k_here + ring, (n_k - 1) // edge) + 1):
+            first_k = c * edge
+            count_k = wp.min(edge, n_k - first_k)
+            dz = outside(pz, z0, first_k, count_k, size)
+            for b in range(wp.max(j_here - ring, 0), wp.min(j_here + ring, (n_j - 1) // edge) + 1):
+                first_j = b * edge
+                count_j = wp.min(edge, n_j - first_j)
+                dy = outside(py, y0, first_j, count_j, size)
+                step = wp.int32(1)
+                if wp.max(wp.abs(c - k_here), wp.abs(b - j_here)) < ring:  # its two ends alone are of the ring
+                    step = 2 * ring
+                for a in range(i_here - ring, wp.min(i_here + ring, (n_i - 1) // edge) + 1, step):
+                    first_i = a * edge
+                    count_i = wp.min(edge, n_i - first_i)
+                    dx = outside(px, x0, first_i, count_i, size)
+                    if a >= 0 and (chosen < 0 or dx * dx + dy * dy + dz * dz <= best):
+                        for row in range(count_j * count_k):
+                            bin = ((first_k + row // count_j) * n_j + first_j + row % count_j) * n_i + first_i
+                            begin = start[bin]
+                            end = start[bin + count_i]
+                            best, chosen = look_through(px, py, pz, begin, end, corners, balls, n_listed, best, chosen)
+        reach = type(px)(ring * edge) * size
         ring = ring + 1
-        if ring > rings or (chosen >= 0 and best <= reach * reach):
-            going = 0
+        if chosen >= 0 and best <= off + reach * reach:
+            rings_here = -1
+        elif ring > rings_here and edge == 1 and rings > NEAR:
+            edge = BLOCK
+            rings_here = rings // edge + 1
+            ring = 0
     distance[p] = wp.where(chosen >= 0, wp.sqrt(wp.max(best, type(px)(0.0))), type(px)(-1.0))
     triangle[p] = -1
     if chosen >= 0:

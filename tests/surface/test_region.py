@@ -109,9 +109,9 @@ def test_a_cavity_is_outside(shapes, device):
 
 
 def test_the_nearest_triangle_is_the_nearest_of_all(shapes, any_device):
-    """Against every triangle by brute force, near and far, and with triangles far larger than the bins."""
+    """Against every triangle by brute force, near and far, in many bins, and with triangles far larger than these."""
     rng = np.random.default_rng(2)
-    for body in (shapes.sphere(n=8), shapes.box((40, 3, 2))):
+    for body in (shapes.sphere(n=8), shapes.sphere(n=40), shapes.box((40, 3, 2))):
         points = body.points.mean(axis=0) + rng.normal(size=(500, 3)) * rng.choice([2, 10, 60], (500, 1))
         distance, triangle = finder(body, any_device).nearest(points)
         every = np.array([brute(points, corners) for corners in body.corners])
