@@ -173,8 +173,11 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
             f"off by {each['residual_g_cm3']:+.4f} g/cm3"
         )
     slope, intercept = calibration["slope_g_cm3_per_hu"], calibration["intercept_g_cm3"]
-    line = "" if calibration["table"] else f"{_UNDER}{kind} = {_line(slope, 'HU', intercept)}"
-    return [*lines, line] if line else lines
+    if not calibration["table"]:
+        errors = calibration["slope_error_g_cm3_per_hu"], calibration["intercept_error_g_cm3"]
+        within = "" if None in errors else f", standard errors {errors[0]:.2g} and {errors[1]:.2g}"
+        lines.append(f"{_UNDER}{kind} = {_line(slope, 'HU', intercept)}{within}")
+    return lines
 
 
 def comparison_lines(outcomes: "Sequence[LawOutcome]") -> list[str]:

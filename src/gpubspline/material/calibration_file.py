@@ -23,6 +23,8 @@ A TOML file holds one of four::
     air = {}                           # its HU found in the scan's histogram, its density the default
     fat = {density_g_cm3 = -0.08, centre_mm = [10.0, 20.0, 30.0]}   # or read about a place
     muscle = {hu = 55.0}                                            # or given
+
+``phantomless`` instead of a file is the last, with all three found in the histogram.
 """
 
 from dataclasses import replace
@@ -36,14 +38,20 @@ from gpubspline.material.calibration import RADIUS_MM, TISSUES, Calibration
 from gpubspline.material.density import DENSITY_KINDS, DensityRelation, Step
 from gpubspline.tables import checked, is_a, pair, parse, read_text
 
+PHANTOMLESS = "phantomless"
+"""What stands for a file of air, fat and muscle, all found in the scan's histogram."""
+
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read a calibration file (schema: this module's docstring).
+    """Read a calibration file (schema: this module's docstring), or make the one that ``"phantomless"`` stands for.
 
     Raises
     ------
     InputError, one line that names the key, for what is no TOML or not of the schema; for one rod, too.
     """
+    if str(path) == PHANTOMLESS:
+        source = "air, fat and muscle of the scan, after Eggermont et al. 2019"
+        return Calibration("QCT", source, "tissues", Path(), tissues=tuple((name, {}) for name in TISSUES))
     path = Path(path)
     where = f"the calibration {path.name}"
     table = parse(read_text(path, "calibration"), path.name)

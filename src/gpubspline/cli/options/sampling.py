@@ -63,7 +63,12 @@ class SamplingOptions:
     ] = None
     calibration: Annotated[
         Path | None,
-        option("Material", "HU to density: line, table, rods or tissues (default: the law's own)", metavar="FILE.toml"),
+        option(
+            "Material",
+            "HU to density: line, table, rods or tissues; phantomless: air, fat and muscle of the scan (default: the "
+            "law's own)",
+            metavar="phantomless|FILE.toml",
+        ),
     ] = None
 
     def __post_init__(self) -> None:
