@@ -2,6 +2,7 @@
 
 import gc
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -231,3 +232,35 @@ def test_large_buffers_ask_for_large_pages(name: str) -> None:
             assert "hg" in words
             return
     pytest.fail("expected the buffer in /proc/self/smaps")
+
+
+WITHOUT_ROOM = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+import numpy as np
+from gpubspline.device import open_device
+device = open_device("opencl")
+device.launch("material.law", 1, *[device.empty(1)] * 9)
+"""
+
+
+def test_a_compiler_without_room_for_its_files_is_told_not_left_to_abort() -> None:
+    ended = subprocess.run([sys.executable, "-c", WITHOUT_ROOM], capture_output=True, text=True, check=False)
+    last = ended.stderr.strip().splitlines()[-1]
+    assert (
+        ended.returncode == 1 and "BackendUnavailable: expected room for 8.39 MB that PoCL's compiler writes in" in last
+    )
+    assert "File too large" in last
+
+
+def test_a_home_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "home").write_text("no folder")
+    plain = {
+        name: value for name, value in os.environ.items() if not name.endswith(("CACHE_DIR", "CACHE_HOME", "_PATH"))
+    }
+    run = [sys.executable, "-m", "gpubspline", "backends"]
+    env = {**plain, "HOME": str(tmp_path / "home")}
+    ended = subprocess.run(run, capture_output=True, text=True, check=False, env=env)
+    said = ended.stdout + ended.stderr
+    assert "Traceback" not in said and said.count("cannot keep what it compiles in") == 2, said
+    assert "POCL_CACHE_DIR names" in said and "WARP_CACHE_PATH names" in said

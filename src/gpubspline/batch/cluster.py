@@ -14,6 +14,9 @@ from gpubspline.errors import BackendUnavailable, InputError
 TIMEOUT_S = 10
 """How long a scheduler may take to answer, and its first worker to appear."""
 
+DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""Run by a worker as it begins: Ctrl-C reaches every process of a terminal, and this one ends the others."""
+
 
 @contextmanager
 def open_client(scheduler: str | None, workers: int) -> Iterator[Any]:
@@ -77,6 +80,7 @@ def _local(distributed: Any, workers: int) -> Any:
             worker_dashboard_address="127.0.0.1:0",
             memory_limit=0,
             silence_logs=logging.CRITICAL,
+            preload=[DEAF],
             env=env,
         )
 
@@ -89,6 +93,8 @@ def _ended_quietly() -> Iterator[None]:
     try:
         yield
     except BaseException:
+        for name in ("asyncio", "tornado"):  # what nobody waits for any more is told there
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         for begun in set(known) - others:
             with suppress(Exception):
                 begun.close(timeout=TIMEOUT_S)

@@ -1,5 +1,6 @@
 """The command line as a process: what is wrong with the input is one line on stderr and an exit status."""
 
+import logging
 import signal
 import sys
 import warnings
@@ -21,6 +22,7 @@ def run() -> None:
     Whatever is wrong with the input is one line on stderr and exit status 2; so is an interrupt, with 130, and what
     else ends a process, with 128 and the number of its signal.
     """
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # that it cannot keep a list of fonts is not for the user
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", GpubsplineWarning)
     warnings.showwarning = warned.warn

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gpubspline.device import KERNELS, Device, Named, buffer_type, find_kernel, quietly
 from gpubspline.device.pages import LARGE_BYTES, ask_for_large_pages
-from gpubspline.device.pocl import has_wide_vectors, name_processor
+from gpubspline.device.pocl import check_room, has_wide_vectors, name_processor, no_folder
 from gpubspline.errors import BackendUnavailable
 
 CPU_LANES = 8  # 16 crashes the compiler of PoCL 3.0 in some files
@@ -82,7 +82,8 @@ class OpenCLDevice(Named):
         self._fused = [] if self._is_cpu else ["-DFUSED", "-cl-mad-enable"]
         self.cores = device.max_compute_units if self._is_cpu else 0
         self._most_bytes = device.global_mem_size
-        if self._is_cpu and device.platform.name == "Portable Computing Language":
+        self._is_pocl = self._is_cpu and device.platform.name == "Portable Computing Language"
+        if self._is_pocl:
             name_processor(device)
         self._context = opencl.Context([device])
         self._queue = opencl.CommandQueue(self._context)
@@ -176,6 +177,8 @@ class OpenCLDevice(Named):
         package, _, file = module.rpartition(".")
         text = source(file, package=package)
         lanes = self._wide_lanes if text.startswith(WIDE) else self._lanes
+        if self._is_pocl:
+            check_room()
         self.on_build(kernel)
         program = self._opencl.Program(self._context, with_headers(text)).build(options=self._options(lanes))
         self.on_build("")
@@ -229,7 +232,9 @@ def _devices() -> list[tuple[str, Any]]:
         for d, device in enumerate(platform.get_devices())
     ]
     if not found:
-        raise BackendUnavailable("no OpenCL device is present; install the CPU one: pip install pyopencl[pocl]")
+        raise BackendUnavailable(
+            f"no OpenCL device is present; {no_folder() or 'install the CPU one: pip install pyopencl[pocl]'}"
+        )
     return found
 
 

@@ -26,8 +26,14 @@ def _import_warp() -> Any:
     except ImportError as error:
         raise BackendUnavailable(f"Warp does not import ({error}); install it: pip install warp-lang") from None
     warp.config.log_level = warp.LOG_ERROR
-    with nullcontext() if _cuda_driver() else _native_errors_hidden():
-        warp.init()
+    try:
+        with nullcontext() if _cuda_driver() else _native_errors_hidden():
+            warp.init()
+    except OSError as error:  # no home, a full or a read-only one
+        raise BackendUnavailable(
+            f"Warp cannot keep what it compiles in {error.filename}: {error.strerror} (WARP_CACHE_PATH names another "
+            "folder)"
+        ) from None
     return warp
 
 
