@@ -15,7 +15,7 @@ from gpubspline.errors import InputError
 from gpubspline.spline import lattice as lattice_module
 from gpubspline.spline.lattice import ControlLattice, control_lattice, data_shape, default_shape, sample_hu
 from gpubspline.spline.reformat import stack
-from gpubspline.spline.spans import blend, fill_gaps, row_spans, tips
+from gpubspline.spline.spans import blend, fill_gaps, inset, row_spans, tips
 
 SHAPE = (40, 44, 48)  # i, j, k
 CENTRE = np.array([19.3, 21.6, 23.4])
@@ -246,6 +246,17 @@ def test_data_shape_is_what_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> N
     assert data_shape(region) == (2, 2, 2)
 
 
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("name", AFFINES)
+def test_the_long_axis_runs_the_way_of_the_images_own(name: str, turned: int) -> None:
+    """Slices go from the first of the image to its last, whichever of its two ways an eigenvector points."""
+    affine = AFFINES[name].copy()
+    affine[:3, :3] = affine[:3, :3] @ np.diag([1, 1, turned])
+    volume, region = ellipsoid(affine)
+    indices = volume.to_indices(control_lattice(volume, region, (3, 4, 5), axis="long").points[..., :3])
+    assert (np.diff(indices[..., 2], axis=2) > 0).all()
+
+
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 def test_hu_of_points_outside_are_those_of_the_nearest_place(interpolation: str) -> None:
     """Of points that all lie beyond one end, too: none of the volume is around them."""
@@ -291,6 +302,13 @@ def test_one_slice_is_no_solid() -> None:
         control_lattice(volume, Region(distance < 0, distance, volume.affine), (8, 8, 8))
     with pytest.raises(InputError, match="expected a region on the volume's grid"):
         control_lattice(flat, region, (8, 8, 8))
+
+
+def test_ends_are_drawn_in_by_a_voxel_at_most() -> None:
+    """One per cent of the extent, where that is less; nothing where the grid's end cuts."""
+    low, high = inset(np.array([5.0, 5.0, 0.0]), np.array([55.0, 305.0, 400.0]), 400, 0.01)
+    np.testing.assert_allclose(low, [5.5, 6.0, 0.0])
+    np.testing.assert_allclose(high, [54.5, 304.0, 400.0])
 
 
 def test_spans_tips_and_gaps_of_small_rows() -> None:

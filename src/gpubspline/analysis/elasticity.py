@@ -41,7 +41,8 @@ class Solution:
     displacement_mm: (n, 3) float64, mm.
     reactions_n: (n, 3) float64, N, what the supports give to the nodes; 0 where a direction is free.
     iterations: of the conjugate gradients.
-    residual: size of the forces out of balance against that of the loads.
+    residual: size of the forces out of balance against that of the loads, before the displacement's last digit is
+        rounded.
     strain_energy_nmm: N mm.
     """
 
