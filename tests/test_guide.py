@@ -105,10 +105,11 @@ def test_the_first_model_as_printed(run: Any, tmp_path: Path, monkeypatch: pytes
     (tmp_path / "my_law.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
     monkeypatch.chdir(tmp_path)
     commands = [line for block in re.findall(r"```bash\n(.*?)```", text, re.S) for line in block.splitlines()]
-    assert [shlex.split(command)[1] for command in commands] == ["info", "preview", "mesh", "mesh", "solve"]
+    assert [shlex.split(command)[1] for command in commands] == ["info", "preview", "mesh", "mesh", "solve", "view"]
     for command in commands:
         status, _, err = run(*shlex.split(command)[1:])
         assert status == 0, f"{command}: {err}"
-    assert {"model.vtu", "model.html", "stressed.vtu", "stressed.html"} <= {path.name for path in tmp_path.iterdir()}
+    made = {"model.vtu", "model.html", "stressed.vtu", "stressed.html", "strain.png"}
+    assert made <= {path.name for path in tmp_path.iterdir()}
     moduli = gb.read_mesh(tmp_path / "model.vtu").fields["E_MPa"]
     assert moduli.min() >= 6850 * (0.00116 * 50) ** 1.49 * 0.999

@@ -78,6 +78,8 @@ def test_a_pulled_bar_is_its_closed_form(
     np.testing.assert_allclose(found.fields["strain_energy_density"], 2e-3, rtol=1e-6)
     strain = [found.fields[f"strain_{name}"] for name in ("xx", "yy", "zz", "xy", "yz", "xz")]
     np.testing.assert_allclose(np.transpose(strain), np.tile([-5e-4, -5e-4, 2e-3, 0, 0, 0], (81, 1)), atol=1e-8)
+    principal = [found.fields[f"principal_strain_{n}"] for n in (1, 2, 3)]
+    np.testing.assert_allclose(np.transpose(principal), np.tile([2e-3, -5e-4, -5e-4], (81, 1)), atol=1e-8)
     assert {"stress_xx_mpa", "principal_2_mpa", "E_MPa"} <= found.fields.keys()
     assert found.structure == (3, 3, 9)  # known from its numbering
     assert figures["unknowns"] == 3 * 81 - 9 - 27 - 27 and 0 < figures["iterations"] < 243

@@ -182,6 +182,8 @@ def test_nodes_get_a_linear_stress_back():
     np.testing.assert_allclose(found.stress_mpa, expected, rtol=1e-10, atol=1e-12)
     even = np.repeat(strain[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]][:, None], mesh.n_nodes, axis=1)
     np.testing.assert_allclose(found.strain, even, atol=1e-14)
+    turned = np.stack([found.fields()[f"principal_strain_{n}"] for n in (3, 2, 1)], axis=1)
+    np.testing.assert_allclose(turned, np.tile(np.linalg.eigvalsh(strain), (mesh.n_nodes, 1)), atol=1e-14)
     mesh = box("hex20", place=lambda p: p * [3, 2, 1], nu=0.0)
     x, _, z = mesh.points.T
     bent = recover(mesh, 1e-3 * np.stack([x * z, 0 * x, -(x**2) / 2], axis=1))

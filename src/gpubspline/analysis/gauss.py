@@ -128,7 +128,7 @@ def von_mises(stress: Floats) -> Floats:
 
 
 def principal(stress: Floats) -> Floats:
-    """Principal values (3, n) of stresses (6, n), the greatest first."""
+    """Principal values (3, n) of stresses, or of strains with the tensor's shear, (6, n), the greatest first."""
     tensors = np.ascontiguousarray(_tensors(stress).transpose(2, 0, 1))
     return np.ascontiguousarray(np.linalg.eigvalsh(tensors).T[::-1])
 

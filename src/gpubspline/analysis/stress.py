@@ -97,12 +97,13 @@ class Stress:
     __repr__ = brief
 
     def fields(self) -> dict[str, NDArray[Any]]:
-        """Nodal fields (n,) for a mesh: stress, its von Mises and principal values, strain, strain energy density."""
+        """Nodal fields (n,) for a mesh: stress, strain, the principal values of both, von Mises, strain energy density."""
         names = ["xyz"[row] + "xyz"[column] for row, column in COMPONENTS]
         made = {f"stress_{name}_mpa": values for name, values in zip(names, self.stress_mpa, strict=True)}
         made |= {"von_mises_mpa": von_mises(self.stress_mpa)}
         made |= {f"principal_{n}_mpa": values for n, values in enumerate(principal(self.stress_mpa), start=1)}
         made |= {f"strain_{name}": values for name, values in zip(names, self.strain, strict=True)}
+        made |= {f"principal_strain_{n}": values for n, values in enumerate(principal(self.strain), start=1)}
         return made | {"strain_energy_density": self.energy}
 
 

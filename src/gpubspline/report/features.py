@@ -47,7 +47,7 @@ def draw_features(region: Region, figures: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(12.6, 5.6 + 0.2 * len(lost)), facecolor="white")
     below = (0.7 + 0.2 * len(lost)) / figure.get_size_inches()[1]
     for number, view in enumerate(VIEWS):
-        axes = figure.add_axes((0.05 + 0.32 * number, below + 0.08, 0.28, 0.82 - below))
+        axes = figure.add_axes((0.05 + 0.32 * number, below + 0.08, 0.26, 0.82 - below))
         _draw_view(axes, view, outline, thin, lost)
     unit = f"2 elements of {size:.3g} mm" if size is not None else f"{limit:.3g} mm"
     text = [f"orange: the middle of what is thinner than {unit}; red: left out by the mesh, farthest first"]
