@@ -97,7 +97,7 @@ class Stress:
     __repr__ = brief
 
     def fields(self) -> dict[str, NDArray[Any]]:
-        """Nodal fields (n,) for a mesh: stress, strain, the principal values of both, von Mises, strain energy density."""
+        """Nodal fields (n,) for a mesh: stress, strain, their principal values, von Mises, energy density."""
         names = ["xyz"[row] + "xyz"[column] for row, column in COMPONENTS]
         made = {f"stress_{name}_mpa": values for name, values in zip(names, self.stress_mpa, strict=True)}
         made |= {"von_mises_mpa": von_mises(self.stress_mpa)}
