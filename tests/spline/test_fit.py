@@ -67,6 +67,10 @@ def test_least_squares_comes_nearer_with_more_points(device64: Device) -> None:
     assert errors[0].mean_hu > errors[1].mean_hu > errors[2].mean_hu > 0
 
 
+def test_least_squares_takes_half_the_data_and_as_many_points_as_a_degree_needs(device: Device) -> None:
+    assert fit(lattice(curved(6, 9, 12)), "least-squares", device=device).patch.shape == (4, 4, 6)
+
+
 def test_control_passes_through_the_corners_and_reports_the_rest(device: Device) -> None:
     data = curved(9, 8, 7)
     result = fit(lattice(data), device=device)

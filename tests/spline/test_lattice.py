@@ -304,6 +304,14 @@ def test_one_slice_is_no_solid() -> None:
         control_lattice(flat, region, (8, 8, 8))
 
 
+def test_ends_are_smoothed_by_two_thirds_as_many_slices_as_rows() -> None:
+    spike = np.zeros((31, 41))
+    spike[15, 20] = 1.0
+    (found,) = lattice_module._smooth([spike], 3.0)
+    away = np.indices(spike.shape) - np.array([15, 20])[:, None, None]
+    np.testing.assert_allclose(np.sqrt((found * away**2).sum(axis=(1, 2))), [2.0, 3.0], rtol=0.01)
+
+
 def test_ends_are_drawn_in_by_a_voxel_at_most() -> None:
     """One per cent of the extent, where that is less; nothing where the grid's end cuts."""
     low, high = inset(np.array([5.0, 5.0, 0.0]), np.array([55.0, 305.0, 400.0]), 400, 0.01)

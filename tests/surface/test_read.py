@@ -65,6 +65,23 @@ def test_inside_out_files_are_turned_with_their_name(shapes, tmp_path):
         assert read_surface(tmp_path / "knee.ply").volume_mm3 == pytest.approx(24)
 
 
+def test_negative_numbers_of_obj_count_from_the_last_vertex_so_far(shapes, tmp_path):
+    """Vertices and faces in turn, as some exporters write each triangle."""
+    box = shapes.box()
+    lines = [f"v {x} {y} {z}\n" for x, y, z in box.corners.reshape(-1, 3)]
+    faces = ["f -3/1 -2/2 -1/3\n"] * len(box.triangles)
+    text = "".join("".join(lines[3 * n : 3 * n + 3]) + face for n, face in enumerate(faces))
+    (tmp_path / "box.obj").write_text(text)
+    back = read_surface(tmp_path / "box.obj")
+    assert back.volume_mm3 == pytest.approx(24) and len(back.points) == 8
+
+
+def test_a_body_of_micrometres_is_asked_about(shapes, tmp_path):
+    save(shapes.box(size=(9e3, 1.2e4, 4e3)), tmp_path / "mouse.ply")
+    with pytest.warns(GpubsplineWarning, match=r"mouse\.ply is 9e\+03 x 1\.2e\+04 x 4e\+03 mm: .* not micrometres\?"):
+        read_surface(tmp_path / "mouse.ply")
+
+
 def test_a_body_of_metres_is_asked_about(shapes, tmp_path):
     save(shapes.box(size=(0.07, 0.45, 0.1)), tmp_path / "femur.ply")
     with pytest.warns(GpubsplineWarning, match=r"femur\.ply is 0\.07 x 0\.45 x 0\.1 mm: .* not metres\?"):

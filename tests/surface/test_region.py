@@ -95,6 +95,12 @@ def test_agrees_with_the_distance_map_of_simpleitk(shapes, device):
     assert np.abs(region.distance_mm[near] - theirs[near]).max() < 0.5 * np.sqrt(3)
 
 
+def test_a_grid_of_its_own_lies_evenly_round_the_surface(shapes, device):
+    region = region_from_surface(shapes.box((4.0, 3.3, 2.1), (7.0, -9.0, 50.0)), device, spacing_mm=0.25)
+    ends = region.affine[:3, 3], region.affine[:3, :3] @ (np.array(region.mask.shape[::-1]) - 1) + region.affine[:3, 3]
+    np.testing.assert_allclose(np.mean(ends, axis=0), [9.0, -7.35, 51.05])
+
+
 def test_both_backends_give_one_region(shapes, both_devices):
     one, other = (region_from_surface(shapes.sphere(), device, spacing_mm=0.7) for device in both_devices)
     np.testing.assert_array_equal(one.distance_mm, other.distance_mm)

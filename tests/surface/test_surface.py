@@ -140,6 +140,13 @@ def test_whole_surfaces_do_not_cross_themselves(shapes, body):
     assert len(self_crossings(getattr(shapes, body)())) == 0
 
 
+def test_an_edge_that_runs_through_the_edge_of_two_triangles_is_found(shapes):
+    """On the diagonal of a box's top, which neither of its two triangles holds alone."""
+    blade = Surface(np.array([[1.0, 0.75, 5], [2.0, 1.5, 1], [3.0, 2.25, 5]]), np.array([[0, 1, 2]]))  # down and up
+    places = self_crossings(shapes.join(shapes.box(), blade))
+    np.testing.assert_allclose(np.sort(places, axis=0), [[1.75, 1.3125, 2], [2.25, 1.6875, 2]])
+
+
 def test_a_fold_is_found(shapes):
     """One point of a sphere pushed through the other side."""
     body = shapes.sphere(10, (0, 0, 0))
