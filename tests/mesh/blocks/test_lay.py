@@ -13,7 +13,7 @@ from gpubspline.errors import MeshError
 from gpubspline.mesh.blocks import merit
 from gpubspline.mesh.blocks.core import cell_means
 from gpubspline.mesh.blocks.grow import find_core
-from gpubspline.mesh.blocks.lay import Laid, Prospect, in_turn, joined_by_faces, mended, thickened
+from gpubspline.mesh.blocks.lay import Laid, Prospect, in_turn, joined_by_faces, lay, mended, thickened
 from gpubspline.mesh.blocks.level_set import level_set
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.placement import placement
@@ -109,6 +109,25 @@ def test_a_hex_of_tiny_determinant_is_poor_whatever_its_angles(monkeypatch, devi
     assert len(made.report.attempts) == 2
     monkeypatch.setattr(merit, "MOST_MENDED", 1)
     assert len(blocks_mesh(three_arms(), 5.0, attempts=2, device=device).report.attempts) == 1
+
+
+@pytest.mark.parametrize("half", [0.8, 0.5])
+def test_labels_keep_together_what_one_body_keeps(half: float, device: Device) -> None:
+    """The bored plate in two halves: by the middles of their cells the hole is closed, or a half is lost."""
+    region, i = bored_plate(2.0, half), np.indices((15, 41, 41))[2] * 0.5
+    parts = {}
+    for name, side in (("left", i - 10.2), ("right", 10.2 - i)):
+        distance = np.maximum(region.distance_mm, side).astype(np.float32)
+        parts[name] = Region(region.mask & (side < 0), distance, region.affine)
+    laid = lay(region, 2.0, parts, None, device, 1)
+    if half > 0.5:
+        assert find_core(laid.level, laid.within).differences
+    else:
+        with pytest.raises(MeshError, match="no cell of 2 mm lies in right"):
+            find_core(laid.level, laid.within)
+    assert laid.wrong == 0 and laid.core.euler == {"mesh": 0, "region": 0}
+    for cells in (laid.core.cells > 0, laid.core.cells == 1, laid.core.cells == 2):
+        assert SOUND[patterns(cells)].all() and label(cells)[1] == 1
 
 
 def test_walls_as_thin_as_an_element_are_kept(device: Device) -> None:

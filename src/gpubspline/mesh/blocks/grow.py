@@ -181,19 +181,24 @@ def grow(
     return Grown(level, core, body_volumes(level.phi, parts or {}), held.pairs, hexes, placed)
 
 
-def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
+def find_core(
+    level: LevelSet, parts: Mapping[str, Part] | None = None, whole: tuple[Cells, Field] | None = None
+) -> Core:
     """Find the cells inside a level set, and the body of each where there are several, and repair them.
+
+    ``whole``: the cells of all bodies together and their distances, where these are known better than by their middles.
 
     Raises
     ------
     InputError where no cell is inside; MeshError where the repair fails.
     """
-    means = cell_means(level.phi)
     cells: Cells | Owners
+    means = cell_means(level.phi)
+    inside, means = (core_cells(means), means) if whole is None else whole
     if parts:
-        cells, flips, unsound = _find_owners(level, means, [part.phi for part in parts.values()])
+        cells, flips, unsound = _find_owners(level, inside, means, [part.phi for part in parts.values()])
     else:
-        cells, flips, unsound = repair(core_cells(means), means)
+        cells, flips, unsound = repair(inside, means)
     if len(unsound):
         raise MeshError(
             f"no manifold core of {level.size_mm:g} mm cells was found: {len(unsound)} places are left, the first at "
@@ -210,12 +215,14 @@ def find_core(level: LevelSet, parts: Mapping[str, Part] | None = None) -> Core:
     return Core(cells, flips, differences(cells > 0, level.inside))
 
 
-def _find_owners(level: LevelSet, means: Field, parts: Sequence[Field]) -> tuple[Owners, int, NDArray[np.int64]]:
+def _find_owners(
+    level: LevelSet, inside: Cells, means: Field, parts: Sequence[Field]
+) -> tuple[Owners, int, NDArray[np.int64]]:
     """Body of each cell, sound, and none beside one that it does not touch; else as ``repair_owners``."""
     within = np.stack([cell_means(part) for part in parts])
     contacts = find_contacts(level.phi, parts)
     price = costs(means, within)
-    given = owners = assign(core_cells(means), within)
+    given = owners = assign(inside, within)
     for _ in range(PARTINGS):
         owners, price = part_strangers(owners, price, contacts)
         owners, _, unsound = repair_owners(owners, price)

@@ -113,8 +113,28 @@ def lay(
     place = placement(number)
     level = level_set(region, size_mm, rotation=place.axes(rotation), offset=place.offset, device=device)
     within = {name: part_of(level, part, device=device) for name, part in parts.items()}
-    laid = Laid(place, level, within, find_core(level, within), cell_means(level.phi))
-    return laid if parts else mended(thickened(laid))
+    if parts:
+        return _of_bodies(place, level, within)
+    return mended(thickened(Laid(place, level, {}, find_core(level), cell_means(level.phi))))
+
+
+def _of_bodies(place: Placement, level: LevelSet, within: dict[str, Part]) -> Laid:
+    """Lay several bodies by the middles of cells, and where these lose something by what they would keep as one."""
+    means, laid, failure = cell_means(level.phi), None, None
+    try:
+        laid = Laid(place, level, within, find_core(level, within), means)
+        if not laid.wrong:
+            return laid
+    except MeshError as error:
+        failure = error
+    try:
+        whole = mended(thickened(Laid(place, level, {}, find_core(level), means)))
+        as_one = Laid(place, level, within, find_core(level, within, (whole.core.cells > 0, whole.means)), whole.means)
+    except MeshError as error:
+        if laid is None:
+            raise failure or error from None
+        return laid
+    return as_one if laid is None or as_one.wrong < laid.wrong else laid
 
 
 def mended(laid: Laid) -> Laid:
