@@ -107,6 +107,10 @@ def complete(words: str) -> list[str]:
         ("gpubspline mesh --backend ", {"auto", "warp", "opencl"}),
         ("gpubspline mesh --fit i", {"interpolate"}),
         ("gpubspline mesh --law wirtz-2000-tr", {"wirtz-2000-transverse"}),
+        ("gpubspline mesh --law 22=wirtz-2000-tr", {"22=wirtz-2000-transverse"}),
+        ("gpubspline mesh --mapping element", {"element-hu", "element-e"}),
+        ("gpubspline mesh --element hex2", {"hex20", "hex27"}),
+        ("gpubspline solve --device opencl:0", {"opencl:0:0"}),
         ("gpubspline phantom ad", {"adult-femur"}),
     ],
 )

@@ -78,7 +78,29 @@ def completion(metavar: str | None) -> Callable[[str], list[str]] | None:
 
 
 def complete_law(incomplete: str) -> list[str]:
-    """Names of the registry that begin as what is typed."""
+    """Names of the registry that begin as what is typed, also after a label."""
     from gpubspline.material.registry import laws
 
-    return [name for name in laws() if name.startswith(incomplete)]
+    label, equals, begun = incomplete.rpartition("=")
+    return [f"{label}{equals}{name}" for name in laws() if name.startswith(begun)]
+
+
+def complete_mapping(incomplete: str) -> list[str]:
+    """Mappings that begin as what is typed."""
+    from gpubspline.material.assign import MAPPINGS
+
+    return [name for name in MAPPINGS if name.startswith(incomplete)]
+
+
+def complete_element(incomplete: str) -> list[str]:
+    """Element types that begin as what is typed."""
+    from gpubspline.mesh.elements import ELEMENTS
+
+    return [name for name, kind in ELEMENTS.items() if kind.dimension > 1 and name.startswith(incomplete)]
+
+
+def complete_device(incomplete: str) -> list[str]:
+    """Devices that are present and begin as what is typed."""
+    from gpubspline.device import list_devices
+
+    return [name for name, _ in list_devices() if ":" in name and name.startswith(incomplete)]

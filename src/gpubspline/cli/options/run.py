@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gpubspline.cli.options.groups import option
+from gpubspline.cli.options.groups import complete_device, option
 from gpubspline.cli.options.texts import device_name
 
 
@@ -15,9 +15,10 @@ class RunOptions:
     """Where kernels run, and what is said meanwhile."""
 
     backend: Annotated[str, option("Run", "kernel backend", metavar="auto|warp|opencl")] = "auto"
-    device: Annotated[str | None, option("Run", "see 'gpubspline backends' (default: the first)", metavar="NAME")] = (
-        None
-    )
+    device: Annotated[
+        str | None,
+        option("Run", "see 'gpubspline backends' (default: the first)", metavar="NAME", complete=complete_device),
+    ] = None
     precision: Annotated[str, option("Run", "of the kernels", metavar="float32|float64")] = "float32"
     quiet: Annotated[bool, option("Run", "print warnings and errors only", "--quiet", "-q")] = False
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
-from gpubspline.cli.options.groups import complete_law, option
+from gpubspline.cli.options.groups import complete_element, complete_law, complete_mapping, option
 from gpubspline.cli.options.texts import integers, law_of_label
 from gpubspline.errors import InputError
 
@@ -18,7 +18,8 @@ class SamplingOptions:
     ] = None
     order: Annotated[int, option("Mesh", "1: quad4, hex8; 2: quad8, hex20", metavar="1|2")] = 1
     element: Annotated[
-        str | None, option("Mesh", "element type, such as hex27 (default: by --order)", metavar="TYPE")
+        str | None,
+        option("Mesh", "element type, such as hex27 (default: by --order)", metavar="TYPE", complete=complete_element),
     ] = None
     optimize: Annotated[
         bool, option("Mesh", "move nodes for better hexes, those of the surface along it", "--optimize")
@@ -44,6 +45,7 @@ class SamplingOptions:
             "law at nodes or Gauss points (nodal, gauss); of the mean HU round a node or in an element (nodal-hu, "
             "element-hu), or its mean there (nodal-e, element-e) (default: nodal; element-e with laws of labels)",
             metavar="HOW",
+            complete=complete_mapping,
         ),
     ] = None
     transverse_law: Annotated[
@@ -52,6 +54,7 @@ class SamplingOptions:
             "Material",
             "law across w: orthotropic elements, --law along w (default: isotropic)",
             metavar="NAME|FILE.toml",
+            complete=complete_law,
         ),
     ] = None
     quadrature: Annotated[
