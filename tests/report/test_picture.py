@@ -13,8 +13,8 @@ from gpubspline.errors import InputError
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.report.camera import Camera
 from gpubspline.report.painter import Shell, _split, paint
-from gpubspline.report.picture import write_picture
-from gpubspline.report.quantity import Quantity, quantity
+from gpubspline.report.picture import draw_picture, write_picture
+from gpubspline.report.quantity import DISTINCT, Quantity, quantity
 
 
 def box(counts: tuple[int, ...] = (4, 5, 6)) -> Mesh:
@@ -107,6 +107,16 @@ def test_one_clip_does_not_darken_the_rest() -> None:
     assert scale.get_clim()[1] < 1001 and extend == "max"
     assert quantity("scaled_jacobian").scale(np.array([-0.4, 0.9]))[1] == "min"
     assert quantity("HU").scale(np.full(3, 7.0))[0].get_clim() == (6.5, 7.5)
+
+
+def test_each_label_has_a_colour_of_its_own_however_few_elements_it_has() -> None:
+    labels = np.repeat([22, 7, 50], [4000, 3, 900])
+    scale = quantity("label").by_number(labels)
+    colours = scale.to_rgba(np.array([7, 22, 50]))[:, :3]
+    assert np.allclose(colours, DISTINCT[:3]) and np.allclose(scale.norm.boundaries, [6.5, 21.5, 49.5, 50.5])
+    mesh = box().with_cell_fields({"label": np.repeat([7, 22, 50], 20)})
+    figure = draw_picture(mesh, field="label")
+    assert [tick.get_text() for tick in figure.axes[-1].get_yticklabels()] == ["7", "22", "50"]
 
 
 def test_modulus_over_decades_is_shown_by_its_logarithm() -> None:

@@ -12,7 +12,6 @@ from gpubspline.material.mapping import map_material
 from gpubspline.material.registry import law, laws
 from gpubspline.report.page.slices import views
 from gpubspline.report.preview import (
-    COLOURS,
     INSIDE,
     OUTLINE,
     OUTSIDE,
@@ -21,6 +20,7 @@ from gpubspline.report.preview import (
     draw_preview,
     write_preview,
 )
+from gpubspline.report.quantity import DISTINCT
 from gpubspline.report.tissues import find_tissues
 
 
@@ -124,7 +124,7 @@ def test_labels_are_told_with_their_hu_and_what_their_law_makes_of_them():
     assert (rest.label, rest.name, rest.law, rest.hu) == (0, "the rest", "wirtz-2000", (800, 800))
     assert rest.modulus_mpa == pytest.approx([2065 * (1.9 * 800 / 1630) ** 3.09] * 2)
     overlay = [image for image in draw_preview(volume, region, 0.0, found).axes[1].images][1].get_array()
-    of_metal = np.all(overlay[..., :3] == COLOURS[1], axis=2)  # of the coronal slice, z up
+    of_metal = np.all(overlay[..., :3] == DISTINCT[1], axis=2)  # of the coronal slice, z up
     assert set(np.unique(overlay[of_metal][:, 3])) <= {INSIDE, OUTSIDE} and of_metal.sum() == 4 * 8
     assert np.all(overlay[:3] == 0) and not np.any(np.all(overlay[3:7, 2:10, 3:] > 0, axis=2))  # of no label
 

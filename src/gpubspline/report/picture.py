@@ -74,11 +74,13 @@ def draw_picture(
     solid = mesh.element.dimension == 3
     outside = skin(mesh, field)
     # a cut shows what the outside does not have: both are coloured on the scale of all of the mesh
-    scale, extend = quantity(field).scale(np.asarray((mesh.fields | mesh.cell_fields)[field]))
+    look, values = quantity(field), np.asarray((mesh.fields | mesh.cell_fields)[field])
+    labels = field == "label" and bool(np.isfinite(values).all())
+    scale, extend = (look.by_number(values), "neither") if labels else look.scale(values)
     panels = _solid_panels(mesh, field, outside, view, clip) if solid else [_flat_panel(outside, view)]
     heading = title if title is not None else f"{mesh.n_elements:,} {mesh.element_type} · {mesh.n_nodes:,} nodes"
     figure = draw_panels(panels, heading, scale, flat=not solid, edges=edges)
-    draw_colour_bar(figure, scale, extend, quantity(field).label)
+    draw_colour_bar(figure, scale, extend, look.label)
     return figure
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -17,12 +16,11 @@ from numpy.typing import NDArray
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.report.page.slices import views
+from gpubspline.report.quantity import DISTINCT
 from gpubspline.report.sheet import FAINT, INK, check_png, save
 from gpubspline.report.tissues import ABOUT, Labelled, Tissue
 
 OUTLINE, LETTERS = "#2fb4ff", "#ffd84d"
-COLOURS = colormaps["tab20"](np.arange(20))[:, :3]
-"""Of labels in turn; what has none has no colour."""
 
 INSIDE, OUTSIDE = 0.45, 0.15
 """How much of a label's colour is seen in the body, and apart from it, where it is not meshed."""
@@ -105,7 +103,7 @@ def draw_preview(
 
 def _colour(labelled: Sequence[Tissue], label: int) -> NDArray[np.float64]:
     place = [tissue.label for tissue in labelled].index(label)
-    return np.asarray(COLOURS[place % len(COLOURS)])
+    return np.asarray(DISTINCT[place % len(DISTINCT)])
 
 
 def _overlay(labelled: Labelled, region: Region, view: dict[str, Any], n: int) -> NDArray[np.float64]:

@@ -7,13 +7,16 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, LogNorm, Normalize
 from numpy.typing import NDArray
 
 from gpubspline.errors import InputError
 
 TISSUE = LinearSegmentedColormap.from_list("tissue", ["#2a2b45", "#6d3c50", "#b36350", "#dba071", "#f0d8a6", "#fffbf0"])
 """From air to cortical bone, lightness rising all the way, so that it also reads in grey."""
+
+DISTINCT = matplotlib.colormaps["tab20"](np.arange(20))[:, :3]
+"""Of labels in turn."""
 
 DECADES = 20.0
 """The least ratio of the ends of a logarithmic colour bar."""
@@ -51,6 +54,14 @@ class Quantity:
         decades = self.logarithmic and np.min(values) > 0 and high > DECADES * low
         norm = LogNorm(low, high) if decades else Normalize(low, high)
         return ScalarMappable(norm, colours), extend[bool(below), bool(above)]
+
+    @staticmethod
+    def by_number(values: NDArray[Any]) -> ScalarMappable:
+        """Make the mapping from labels to colours of their own, as a preview has them; the bar's edges lie between."""
+        numbers = np.unique(np.round(values))
+        edges = np.append(numbers, numbers[-1] + 1) - 0.5
+        colours = DISTINCT[np.arange(len(numbers)) % len(DISTINCT)]
+        return ScalarMappable(BoundaryNorm(edges, len(numbers)), ListedColormap(colours))
 
     @staticmethod
     def is_logarithmic(scale: ScalarMappable) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm
+from matplotlib.colors import BoundaryNorm, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from matplotlib.lines import Line2D
@@ -21,6 +21,9 @@ from gpubspline.report.camera import Camera
 from gpubspline.report.painter import DOTS_PER_INCH
 
 INK, FAINT = "#22252b", "#8a8f98"
+
+MOST_NUMBERS = 30
+"""Labels written beside a colour bar."""
 
 
 def check_png(path: Path) -> None:
@@ -87,6 +90,11 @@ def draw_colour_bar(figure: Figure, scale: ScalarMappable, extend: str, label: s
     if isinstance(scale.norm, LogNorm):
         bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        bar.minorticks_off()
+    elif isinstance(scale.norm, BoundaryNorm):
+        edges = np.asarray(scale.norm.boundaries)
+        some = slice(None, None, -(-len(edges) // MOST_NUMBERS))
+        bar.set_ticks(((edges[:-1] + edges[1:]) / 2)[some], labels=[f"{edge + 0.5:g}" for edge in edges[:-1][some]])
         bar.minorticks_off()
     bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=9, color=FAINT, labelcolor=INK, length=3)
