@@ -60,7 +60,7 @@ def test_mesh_and_its_summary(run: Command, femur: Path, tmp_path: Path, backend
     assert {"read", "region", "lattice", "fit", "sample", "material", "quality", "write", "total"} <= stages.keys()
     assert stages["total"] == pytest.approx(sum(value for stage, value in stages.items() if stage != "total"))
     written = meshio.read(names["m.vtu"])
-    assert {"HU", "density_g_cm3", "E_MPa", "nu"} <= written.point_data.keys()
+    assert {"HU", "density_apparent_g_cm3", "E_MPa", "nu"} <= written.point_data.keys()
     assert {"scaled_jacobian", "material"} <= written.cell_data.keys()
     assert all(names[name].read_bytes().startswith(b"\x89PNG") for name in ("p.png", "h.png"))
 

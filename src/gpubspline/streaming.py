@@ -10,6 +10,7 @@ import numpy as np
 from gpubspline.clock import Clock
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
+from gpubspline.export.density_names import with_kind
 from gpubspline.export.vts import VtsWriter, write_slab
 from gpubspline.material.alarms import add_alarms
 from gpubspline.material.assign import nodal_alarms
@@ -52,8 +53,9 @@ def stream_patch(
     coarse = sample_patch(patch, replace(sampling, nodes=seen), device, Clock())
     flat = None if body is None else flat_axes(coarse.mesh, body.region)
     parts, alarms, policy = [], [], sampling.mapping.policy
-    types = {name: values.dtype for name, values in coarse.mesh.fields.items()}
-    cell_types = {name: values.dtype for name, values in coarse.mesh.cell_fields.items()}
+    named = with_kind(coarse.mesh)
+    types = {name: values.dtype for name, values in named.fields.items()}
+    cell_types = {name: values.dtype for name, values in named.cell_fields.items()}
     with VtsWriter(path, nodes, types, cell_types, coarse.mesh.points.dtype) as writer:
         slabs = sample_slabs(patch, nodes, device=device, slab_nodes=slab_nodes)
         while slab := _next(slabs, clock):
@@ -69,7 +71,7 @@ def stream_patch(
                 own: dict[str, Any] = {"own_nodes": slab.own_nodes, "out_of_range": alarms[-1].outside}
                 parts.append(tally(mesh, quality, **own, distances=off))
             with clock.stage("write"):
-                write_slab(writer, replace(slab, mesh=mesh))
+                write_slab(writer, replace(slab, mesh=with_kind(mesh)))
                 clock.advance(slab.last, nodes[2] - 1)
     mass, treatment = None, None
     if body is not None and body.volume is not None:

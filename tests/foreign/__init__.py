@@ -76,5 +76,5 @@ def materials(nodal: dict[str, NDArray[Any]], elemental: dict[str, NDArray[Any]]
         names = ("section_E_MPa", "section_nu", "section_density_tonne_mm3")
         return dict(zip(("modulus", "poisson", "density"), (elemental[name] for name in names), strict=True))
     if "E_MPa" in nodal:
-        return {"modulus": nodal["E_MPa"], "poisson": nodal["nu"], "density": nodal["density_g_cm3"] * 1e-9}
+        return {"modulus": nodal["E_MPa"], "poisson": nodal["nu"], "density": nodal["density_apparent_g_cm3"] * 1e-9}
     return {}

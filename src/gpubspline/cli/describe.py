@@ -13,6 +13,7 @@ from gpubspline.cli.describe_material import material_lines
 from gpubspline.ct.labels import label_counts
 from gpubspline.ct.region import otsu_threshold
 from gpubspline.ct.volume import Volume
+from gpubspline.material.density import MASS_OF
 from gpubspline.mesh.element_size import about_elements, default_size
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.quality import Quality
@@ -129,6 +130,10 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     ]
     for where, fields in (("nodal", mesh.fields), ("element", mesh.cell_fields)):
         lines += [f"{where:10} {name} {values.min():.6g} to {values.max():.6g}" for name, values in fields.items()]
+    if "density_g_cm3" in {**mesh.fields, **mesh.cell_fields}:
+        kind = mesh.density_kind
+        told = f"{kind} density, {MASS_OF[kind]}" if kind else "not told: apparent, ash and QCT density are not one"
+        lines.append(f"density    {told}")
     sets = {**mesh.node_sets, **mesh.element_sets}
     return lines + ([f"sets       {', '.join(sets)}"] if sets else [])
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gpubspline.analysis.load_case import LoadCase
 from gpubspline.export.deck_loads import DeckLoads, Faces, Placed, outer_faces, place_loads
 from gpubspline.export.deck_material import NodalTable, Section, material_means
+from gpubspline.export.density_names import with_kind
 from gpubspline.export.formats import Format
 from gpubspline.export.names import joined, named
 from gpubspline.export.units import Units
@@ -141,7 +142,7 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
     node_sets, _ = joined(mesh.node_sets, placed.node_sets, _same_nodes, form.longest_name, of_nodes)
     surfaces, called = joined(faces, placed.surfaces, _same_faces, form.longest_name)
     element_sets = named(mesh.element_sets, {}, form.longest_name, of_elements)
-    renamed = replace(mesh, node_sets=node_sets, element_sets=element_sets)
+    renamed = replace(with_kind(mesh), node_sets=node_sets, element_sets=element_sets)
     return Deck(
         mesh=_in_units(renamed, wanted.units),
         units=wanted.units,
@@ -152,7 +153,7 @@ def make_deck(mesh: Mesh, form: Format, wanted: Wanted) -> Deck:
         elemental=means.elemental,
         axes=means.axes,
         loads=None if placed.loads is None else _loads_in_units(placed.loads, called, wanted.units),
-        comments=tuple(_comments(wanted, means.words, placed.loads)),
+        comments=tuple(_comments(wanted, mesh, means.words, placed.loads)),
         figures={"format": form.name, "units": wanted.units.name, "modulus": means.figures}
         | _load_figures(placed.loads),
         thickness=wanted.thickness_mm * wanted.units.per_mm,
@@ -216,15 +217,15 @@ def _loads_in_units(loads: DeckLoads, called: Mapping[str, str], units: Units) -
     )
 
 
-def _comments(wanted: Wanted, words: str, loads: DeckLoads | None) -> Iterable[str]:
+def _comments(wanted: Wanted, mesh: Mesh, words: str, loads: DeckLoads | None) -> Iterable[str]:
     yield f"Units: {wanted.units.words}. Coordinates: patient, LPS. Labels from 1."
     for name, law in wanted.laws.items():
         of = f" of the set {name}" if name else " of the rest" if len(wanted.laws) > 1 else ""
         yield f"Material law{of}: {law.name}, {law.title}"
         yield law.citation
         yield from (f"Not confirmed from its source: {part}" for part in law.unconfirmed)
-    if wanted.laws:
-        kind = common_kind(wanted.laws.values())
+    kind = mesh.density_kind or (common_kind(wanted.laws.values()) if wanted.laws else None)
+    if kind is not None:
         yield f"Densities are {kind}: {MASS_OF[kind]}." + (" Gravity takes them for weight." if kind != WEIGHED else "")
     if words:
         yield words

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from gpubspline.errors import InputError
+from gpubspline.export.density_names import without_kind
 from gpubspline.export.read import scalars
 from gpubspline.mesh.elements import ELEMENTS, MESHABLE
 from gpubspline.mesh.mesh import Mesh
@@ -32,13 +33,14 @@ def from_pyvista(grid: Any) -> Mesh:
     types = np.asarray(cells.celltypes)
     name = _element_of(set(types.tolist()))
     kept = np.flatnonzero(types == ELEMENTS[name].vtk_type)
-    return Mesh(
+    mesh = Mesh(
         np.asarray(cells.points),
         name,
         connectivity=np.asarray(cells.cells_dict[ELEMENTS[name].vtk_type], dtype=np.int32),
         fields=scalars({key: np.asarray(values) for key, values in cells.point_data.items()}),
         cell_fields=scalars({key: np.asarray(values)[kept] for key, values in cells.cell_data.items()}),
     )
+    return without_kind(mesh)
 
 
 def _element_of(types: set[int]) -> str:

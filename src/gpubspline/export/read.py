@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import exodus, med, vtkhdf
+from gpubspline.export.density_names import without_kind
 from gpubspline.export.formats import Format
 from gpubspline.export.gmsh import NODES_END
 from gpubspline.export.names import ended
@@ -40,6 +41,7 @@ def read_mesh(path: str | Path) -> Mesh:
     -------
     Mesh with every scalar nodal and element field, and node and element sets where the format has them. It is
     structured where its nodes and elements are numbered as those of a structured mesh, else its cells are explicit.
+    Densities have the one name ``density_g_cm3`` and, where the file tells it, their kind.
     Fields with several components come back as one field each, ``NAME_0`` and on.
 
     Raises
@@ -54,7 +56,7 @@ def read_mesh(path: str | Path) -> Mesh:
     mesh = _read_grid(path) if extension in (".vts", ".vtu", ".vtkhdf") else _read_binary(path, extension)
     mesh = _read_by_meshio(path) if mesh is None else mesh
     mesh.check_finite(path.name)
-    return _recognised(mesh)
+    return _recognised(without_kind(mesh))
 
 
 def _recognised(mesh: Mesh) -> Mesh:

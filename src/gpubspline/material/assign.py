@@ -271,7 +271,7 @@ def _elements(
     fields = {"HU": made.hu, "density_g_cm3": made.density_g_cm3, "E_MPa": made.modulus_mpa, "nu": made.poisson}
     fields |= gauss_fields(made) if gauss else {}
     fields |= numbered(mesh, materials, split) if of_labels else {"material": materials[0]}
-    mapped = mesh.with_cell_fields(fields)
+    mapped = replace(mesh, density_kind=kind).with_cell_fields(fields)
     if mapping.transverse is not None:
         across = integrate(mesh, law_on_device(mapping.transverse, device, **mapping.policy), **how)
         mapped = with_orthotropy(mapped, made.modulus_mpa, across.modulus_mpa, made.poisson)

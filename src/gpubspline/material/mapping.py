@@ -1,6 +1,6 @@
 """Mapping a material law onto the nodes and elements of a mesh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -185,7 +185,8 @@ def apply_material(
     element = map_material(_element_means(mesh, "HU"), law, device=device).piece
     fields = {"density_g_cm3": nodal.density_g_cm3, "E_MPa": nodal.modulus_mpa, "nu": nodal.poisson}
     material = np.maximum(element + 1, 0 if policy == "floor" else -element)  # -1 - index becomes 0 or 1 + index
-    return mesh.with_fields(fields).with_cell_fields({"material": material}), nodal
+    mapped = replace(mesh, density_kind=law.density.kind)
+    return mapped.with_fields(fields).with_cell_fields({"material": material}), nodal
 
 
 def _element_means(mesh: Mesh, field: str) -> NDArray[Any]:

@@ -36,6 +36,7 @@ class Mesh:
     cell_fields: (m,) each, values of elements: ``scaled_jacobian``, ``material``.
     node_sets: node numbers by name; a sampled mesh has its sides ``u0`` to ``w1`` and ``surface``, all of them.
     element_sets: element numbers by name; a sampled mesh has ``body``, all of them.
+    density_kind: ``"apparent"``, ``"ash"`` or ``"QCT"``, what ``density_g_cm3`` is; None where it is not known.
 
     Raises
     ------
@@ -50,6 +51,7 @@ class Mesh:
     cell_fields: Fields = field(default_factory=dict)
     node_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
     element_sets: dict[str, NDArray[Any]] = field(default_factory=dict)
+    density_kind: str | None = None
 
     __repr__ = brief
 

@@ -51,7 +51,6 @@ def solve(
     from gpubspline.analysis.response import respond
     from gpubspline.cautions import warn_of_weight
     from gpubspline.cli import describe
-    from gpubspline.material.laws import common_kind
     from gpubspline.mesh.quality import assess
 
     inputs = [*source, *([method.ct] if method.ct else []), *region.files, *sampled.files]
@@ -61,8 +60,8 @@ def solve(
     with run.clock() as clock:
         fits = partial(check_on_body, case)
         solid = find_model(source, read, region, method, spline, sampled, device, clock, fits)
-        if solid.laws:
-            warn_of_weight(case.gravity_mm_s2 is not None, common_kind(solid.laws.values()))
+        if solid.mesh.density_kind:
+            warn_of_weight(case.gravity_mm_s2 is not None, solid.mesh.density_kind)
         response = respond(solid.mesh, case, device, clock, **wanted.how())
         figures = response.figures() | {"backend": device.backend, "device": device.label}
         wanted.write(response, figures, clock)
