@@ -11,6 +11,7 @@ from gpubspline.analysis.loads import assemble
 from gpubspline.errors import GpubsplineWarning, InputError
 from gpubspline.export import find_format, formats, write
 from gpubspline.export.deck import Wanted, make_deck
+from gpubspline.export.deck_loads import DeckLoads
 from gpubspline.export.units import UNITS, find_units
 from gpubspline.mesh.elements import ELEMENTS
 from gpubspline.mesh.mesh import Mesh
@@ -94,6 +95,12 @@ def test_cards_and_nodal_forces_are_the_load_case(femur, all_loads):
         held[np.ix_(nodes, components)] = True
         np.testing.assert_array_equal(loads.prescribed[nodes], np.broadcast_to(at, (nodes.size, 3)))
     np.testing.assert_array_equal(held, whole.fixed)
+
+
+def test_a_total_is_nothing_where_rounding_is_all_of_it():
+    forces = np.array([[1.0, 1.0, 1.0], [-0.999, -1 + 1e-12, 1.0]])
+    nothing = np.zeros((2, 3))
+    np.testing.assert_allclose(DeckLoads("", nothing > 0, nothing, forces, forces).total_n, [0.001, 0, 2], rtol=1e-12)
 
 
 def test_a_load_of_cards_alone_has_no_nodal_forces(femur):

@@ -1,5 +1,6 @@
 """Every format: written, read back by meshio and where it can by VTK, with its fields; whole or not at all."""
 
+import re
 import tracemalloc
 import warnings
 from dataclasses import replace
@@ -305,6 +306,42 @@ def test_components_of_ansys_have_names_of_their_own(tmp_path):
     lines = (tmp_path / "m.cdb").read_text().splitlines()
     found = [line.split(",")[1] for line in lines if line.startswith("CMBLOCK")]
     assert len(set(found)) == len(found) == len(names) + 3 + 8 and max(map(len, found)) <= 32
+
+
+SHELLS = {
+    ".inp": r"\*SHELL SECTION, ELSET=\w+, MATERIAL=\w+\n(\S+)\n",
+    ".cdb": r"SECTYPE,1,SHELL\nSECDATA,(\S+),1\n",
+    ".bdf": r"PSHELL\* {16}1 {15}1 *(\S+) {15}1\n\* {38}1\n",
+    ".k": r"\*SECTION_SHELL\n {9}1 {8}16\n *(\S+) +\1 +\1 +\1\n",
+    ".feb": r"<shell_thickness>(\S+)</shell_thickness>",
+}
+"""Of a section of one part: Nastran's material stretches, bends and shears it, LS-DYNA's are fully integrated (16)."""
+
+
+@pytest.mark.parametrize("extension", SHELLS)
+@pytest.mark.parametrize(("units", "thickness"), [("mm-N-MPa", 2.5), ("m-N-Pa", 0.0025)])
+def test_shells_have_their_thickness_in_every_deck(extension, units, thickness, tmp_path):
+    mesh = model("quad4")
+    mesh = replace(mesh, fields={name: np.full_like(v, 1 if name != "nu" else 0.3) for name, v in mesh.fields.items()})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GpubsplineWarning)
+        write(mesh, tmp_path / f"m{extension}", units=units, thickness_mm=2.5)
+    (found,) = re.findall(SHELLS[extension], (tmp_path / f"m{extension}").read_text())
+    assert float(found) == pytest.approx(thickness)
+
+
+def test_solids_of_lsdyna_are_fully_integrated(tmp_path):
+    write_quietly(model("hex8"), tmp_path / "m.k")
+    assert "*SECTION_SOLID\n         1         2\n" in (tmp_path / "m.k").read_text()
+
+
+def test_exodus_is_read_at_its_last_step(tmp_path):
+    mesh, path = model("hex8"), tmp_path / "m.exo"
+    write(mesh, path)
+    with pytest.importorskip("netCDF4").Dataset(path, "a") as file:
+        file["time_whole"][1] = 1.0
+        file["vals_nod_var1"][1] = 2 * file["vals_nod_var1"][0]
+    np.testing.assert_allclose(read_mesh(path).fields["HU"], 2 * mesh.fields["HU"])
 
 
 @pytest.mark.parametrize("thickness", [0.0, -1.0, np.nan, np.inf])

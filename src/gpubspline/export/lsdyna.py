@@ -84,7 +84,7 @@ def _write_parts(out: TextIO, deck: Deck) -> None:
     dimension = deck.mesh.element.dimension
     out.write(f"*SECTION_{'SOLID' if dimension == 3 else 'SHELL'}\n{1:10d}{FULLY_INTEGRATED[dimension]:10d}\n")
     if dimension == 2:
-        out.write(f"{deck.thickness:10.4g}" * 4 + "\n")
+        out.write(f"{deck.thickness:10.5g}" * 4 + "\n")
     for number, section in enumerate(deck.sections, start=1):
         out.write(f"*PART\n{section.name}\n{number:10d}{1:10d}{number:10d}\n")
     for number, section in enumerate(deck.sections, start=1):

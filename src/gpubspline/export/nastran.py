@@ -95,7 +95,8 @@ def _write_property(out: TextIO, deck: Deck, number: int) -> None:
     if deck.mesh.element.dimension == 3:
         out.write(f"PSOLID  {number:8d}{number:8d}\n")
     else:
-        out.write(f"PSHELL* {number:16d}{number:16d}{_real(deck.thickness)}{number:16d}\n*\n")
+        stretched_and_bent = f"PSHELL* {number:16d}{number:16d}{_real(deck.thickness)}{number:16d}\n"
+        out.write(f"{stretched_and_bent}*       {'':16}{number:16d}\n")  # and sheared: without it nothing gives way
 
 
 def _write_table(out: TextIO, table: NodalTable) -> None:
