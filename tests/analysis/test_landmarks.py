@@ -46,6 +46,17 @@ def test_names_stand_for_points_in_the_patient(tmp_path: Path, ending: str, fram
     assert case.supports[0].region.parts == (Sphere((-4.0 * sign, 5.0 * sign, 6.0), 3.0),)
 
 
+def test_points_being_placed_are_left_out_and_a_frame_not_told_is_ras(tmp_path: Path) -> None:
+    point = {"label": "F-3", "position": [1, 2, 3], "positionStatus": "preview"}
+    whole = json.loads(markups(None))
+    whole["markups"][0]["controlPoints"].append(point)
+    (tmp_path / "F.mrk.json").write_text(json.dumps(whole))
+    (tmp_path / "F.fcsv").write_text("".join(FCSV.splitlines(keepends=True)[2:]))
+    for ending in ("mrk.json", "fcsv"):
+        found = read_landmarks(tmp_path / f"F.{ending}")
+        assert found == {"greater trochanter": (1.5, 2.5, 3.5), "F-2": (4.0, -5.0, 6.0)}
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

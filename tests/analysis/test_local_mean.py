@@ -23,6 +23,13 @@ def filled(values, radius=1.5, points=None, volume=None):
     return mean
 
 
+@pytest.mark.parametrize("radius", [1.5, 2.2])
+def test_a_ball_has_the_volume_of_its_radius(radius):
+    mean = local_mean(block()[0], radius)
+    volume = mean._ball([40, 40, 40]).sum() * mean.step_mm**3
+    assert volume == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.02)
+
+
 def test_a_constant_is_its_own_mean_everywhere_and_sums_are_kept():
     points, _ = block()
     mean = filled(np.full(len(points), 7.0))

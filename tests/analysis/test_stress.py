@@ -5,7 +5,7 @@ import pytest
 
 from gpubspline.analysis.gauss import gauss_stress, principal, von_mises
 from gpubspline.analysis.stiffness import FORMULATIONS
-from gpubspline.analysis.stress import PERCENTILE, extrapolate, recover
+from gpubspline.analysis.stress import PERCENTILE, _Seen, extrapolate, recover
 from gpubspline.errors import InputError
 from gpubspline.mesh import structure
 from gpubspline.mesh.elements import ELEMENTS
@@ -265,3 +265,10 @@ def test_what_has_no_stress_is_refused():
     for given, options, message in refused:
         with pytest.raises(InputError, match=message):
             recover(given, np.zeros((given.n_nodes, 3)), **options)
+
+
+def test_the_percentile_is_of_the_volume_not_of_the_points():
+    seen = _Seen(0)
+    seen.values.append(np.array([3.0, 1.0, 2.0], np.float32))
+    seen.shares.append(np.array([1.0, 97.0, 2.0], np.float32))
+    assert [seen.percentile(share) for share in (0.1, 0.969, 0.98, 0.995)] == [1, 1, 2, 3]
