@@ -27,6 +27,8 @@ def test_the_curve_takes_every_element_and_fills_the_last_vector():
     assert np.array_equal(np.sort(order[: mesh.n_elements]), np.arange(mesh.n_elements))
     middle = mesh.points[mesh.cells[order]].mean(axis=1)
     assert np.median(np.linalg.norm(np.diff(middle, axis=0), axis=1)) < 2  # mm; in disorder they lie 4 mm apart
+    whole = graded(5)  # 64 elements, which want no more
+    assert len(in_space(whole.points, whole.cells)) == 64
 
 
 def test_clusters_copy_each_node_once_for_each_of_their_own():
