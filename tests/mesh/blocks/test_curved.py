@@ -6,7 +6,7 @@ import pytest
 from gpubspline.ct.enclosed import enclosed_volume
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
-from gpubspline.mesh.blocks.curved import curve, onto
+from gpubspline.mesh.blocks.curved import along, curve, onto
 from gpubspline.mesh.blocks.level_set import SAMPLES
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.quality import assess
@@ -42,3 +42,12 @@ def test_any_density_lies_on_the_level_set(device: Device) -> None:
     surface = fine.points[np.unique(fine.boundary())]
     assert np.abs(project(surface, np.zeros_like(surface)) - surface).max() < 1e-3
     assert np.abs(np.hypot(np.hypot(surface[:, 0], surface[:, 1]) - 12, surface[:, 2]) - 5).max() < 0.15
+
+
+def test_normals_that_run_along_the_surface_are_not_followed() -> None:
+    """Below a plane and a step in it, 0.7 ahead: up to the plane, which is 0.1 away, not ahead to the step."""
+    z, x = np.meshgrid(np.arange(13.0) / SAMPLES - 2, np.arange(13.0) / SAMPLES - 2, indexing="ij")
+    phi = np.repeat(np.maximum(z, x)[:, None], 13, axis=1).astype(np.float32)
+    at, normals = np.array([[1.3, 2.0, 1.9]] * 3), np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [1.0, 0.0, 0.0]])
+    there = along(phi, at, normals)
+    assert np.allclose(there[:2, 2], 2.0, atol=0.02) and np.array_equal(there[2], at[2])

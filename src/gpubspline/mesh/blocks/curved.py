@@ -27,6 +27,9 @@ MOST_BEND = 0.02
 FAR = 1.0
 """How far, in elements, the surface is looked for."""
 
+ASKEW, ABOUT = 4.0, 0.1
+"""A normal that leads farther than so many times the distance, and this, in elements, runs along the surface."""
+
 NEAR = 0.35
 """How far, in elements, points between bodies may go to their boundary: one farther away is that of other places."""
 
@@ -122,7 +125,7 @@ def along(phi: NDArray[np.float32], at: Floats, normals: Floats) -> Floats:
     """Go from points (n, 3), lattice coordinates, to the zero level: outward from inside, inward from outside.
 
     Where the distance has no slope, as midway between two sheets, its gradient leads nowhere. Points that meet no zero
-    within ``FAR`` stay.
+    within ``FAR``, or one that is much farther than the nearest, stay.
     """
 
     def value(points: Floats) -> Floats:
@@ -139,7 +142,8 @@ def along(phi: NDArray[np.float32], at: Floats, normals: Floats) -> Floats:
         middle = 0.5 * (low + high)
         beyond = value(at + middle[:, None] * way) * start <= 0
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.asarray(at + np.where(found, 0.5 * (low + high), 0.0)[:, None] * way)
+    far = 0.5 * (low + high)
+    return np.asarray(at + np.where(found & (far <= ASKEW * np.abs(start) + ABOUT), far, 0.0)[:, None] * way)
 
 
 def unbiased(phi: NDArray[np.float32]) -> NDArray[np.float32]:
