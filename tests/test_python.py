@@ -6,7 +6,7 @@ import os
 import pickle
 import pydoc
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
@@ -151,3 +151,32 @@ def test_progress_is_heard_and_nothing_is_printed(tmp_path: Any, capfd: pytest.C
     again = gb.respond(solvable(), case, gb.open_device())  # a clock is for who wants one
     np.testing.assert_array_equal(again.solution.displacement_mm, response.solution.displacement_mm)
     assert capfd.readouterr() == ("", "") and repr(again).startswith("Response(mesh=Mesh(points=<float64 64 x 3>")
+
+
+def test_what_is_of_another_kind_is_told_with_what_gives_one(tmp_path: Any) -> None:
+    """Slips of somebody who scripts: a path for what it holds, a name for a device, arguments the other way round."""
+    volume = gb.Volume(np.pad(np.full((4, 5, 6), 500, np.int16), 2), np.eye(4))
+    region = gb.region_from_threshold(volume, 200)
+    device = gb.open_device("opencl")
+    lattice = gb.control_lattice(volume, region, (4, 4, 4))
+    fitted = gb.fit(lattice, device=device)
+    mesh = gb.sample(fitted.patch, (4, 4, 4), device=device)
+    slips: tuple[tuple[Callable[[], Any], str], ...] = (
+        (lambda: gb.read_volume(volume.hu), "path of a CT, or several, got ndarray: Volume"),
+        (lambda: gb.region_from_threshold("ct.nii", 200), "a Volume, got str: read_volume"),
+        (lambda: gb.otsu_threshold("ct.nii"), "a Volume, got str"),
+        (lambda: gb.control_lattice(region, volume, (4, 4, 4)), "a Volume, got Region"),
+        (lambda: gb.fit(lattice, device="opencl"), r"its name: open_device\('opencl'\) opens"),
+        (lambda: gb.sample(fitted, (4, 4, 4)), "a Hyperpatch, got Fit: the patch of"),
+        (lambda: gb.assess("m.vtu"), "a Mesh, got str: .*read_mesh reads"),
+        (lambda: gb.assess(mesh, "warp"), "expected a device, got its name"),
+        (lambda: gb.optimize("m.vtu", device), "a Mesh, got str"),
+        (lambda: gb.write("m.vtu", mesh), "a Mesh, got str: write takes the mesh first"),
+        (lambda: gb.open_device(0), "name of a device, such as 'opencl:0:0', got 0"),
+    )
+    for slip, told in slips:
+        with pytest.raises(gb.InputError, match=told):
+            slip()
+    named, _ = gb.apply_material(mesh, "keyak-1998", device=device)
+    found, _ = gb.apply_material(mesh, gb.law("keyak-1998"), device=device)
+    np.testing.assert_array_equal(named.fields["E_MPa"], found.fields["E_MPa"])

@@ -36,3 +36,9 @@ class MeshError(GpubsplineError, RuntimeError):
 
 class GpubsplineWarning(UserWarning):
     """The result stands, but the user should know something about it."""
+
+
+def expect(value: object, kind: type, how: str) -> None:
+    """Raise InputError where an argument is of another kind; ``how`` says what gives one of this."""
+    if not isinstance(value, kind):
+        raise InputError(f"expected a {kind.__name__}, got {type(value).__name__}: {how}")

@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass, replace
 from math import log10
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gpubspline.analysis.elasticity import Solution, solve
-from gpubspline.analysis.load_case import LoadCase
+from gpubspline.analysis.load_case import LoadCase, load_case
 from gpubspline.analysis.loads import AssembledLoads, assemble
 from gpubspline.analysis.stress import PERCENTILE, Stress, recover
 from gpubspline.clock import Clock
-from gpubspline.device import Device
+from gpubspline.device import Device, check_device
+from gpubspline.errors import expect
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.shown import brief
 
@@ -72,7 +74,7 @@ class Response:
 
 def respond(
     mesh: Mesh,
-    case: LoadCase,
+    case: LoadCase | str | Path,
     device: Device,
     clock: Clock | None = None,
     *,
@@ -83,14 +85,18 @@ def respond(
 ) -> Response:
     """Solve a mesh of hexes with the nodal fields ``E_MPa`` and ``nu`` under a load case.
 
-    ``clock`` is told of the stages ``load``, ``solve`` and ``stress`` as they go. ``body`` is the mesh that
-    ``assemble`` measures regions by, and about whose nodes stress is averaged; it is ``mesh`` itself unless given.
+    ``case`` may be what ``load_case`` takes, too: a name or a file. ``clock`` is told of the stages ``load``, ``solve``
+    and ``stress`` as they go. ``body`` is the mesh that ``assemble`` measures regions by, and about whose nodes stress
+    is averaged; it is ``mesh`` itself unless given.
 
     Raises
     ------
     InputError where the load case does not fit the mesh, or the mesh cannot be solved.
     SolveError where the residual does not reach the tolerance.
     """
+    expect(mesh, Mesh, "sample makes one, read_mesh reads one")
+    check_device(device)
+    case = case if isinstance(case, LoadCase) else load_case(case)
     clock = Clock() if clock is None else clock
     with clock.stage("load"):
         loads = assemble(case, mesh, body)

@@ -1,6 +1,6 @@
 """One door for every CT format: DICOM, NIfTI, Analyze, NRRD, MetaImage and NumPy arrays to a ``Volume``."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,9 @@ def read_volume(
     ------
     InputError where the source is missing, of another format or damaged, or does not hold one CT volume.
     """
+    if isinstance(source, np.ndarray) or not isinstance(source, str | Path | Iterable):
+        kind = type(source).__name__
+        raise InputError(f"expected the path of a CT, or several, got {kind}: Volume(hu, affine) takes an array")
     if not isinstance(source, str | Path):
         paths = [Path(item) for item in source]
         if len(paths) != 1:

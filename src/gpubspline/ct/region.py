@@ -12,7 +12,7 @@ from gpubspline.ct.enclosed import enclosed_volume
 from gpubspline.ct.held_volume import hold_volume
 from gpubspline.ct.signed_distance import box_around, signed_distance
 from gpubspline.ct.volume import AIR_HU, Volume
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, expect
 from gpubspline.shown import brief
 
 Floats = NDArray[np.float64]
@@ -135,6 +135,7 @@ def otsu_threshold(volume: Volume) -> float:
 
     Raises InputError where all HU are the same.
     """
+    expect(volume, Volume, "read_volume reads one, Volume(hu, affine) makes one of an array")
     hu = np.maximum(volume.hu, AIR_HU) if volume.hu.max() > AIR_HU else volume.hu
     if hu.min() == hu.max():
         raise InputError(f"expected HU that differ, to find a body in them, got {hu.flat[0]:g} everywhere")
@@ -168,6 +169,7 @@ def region_from_threshold(
     ------
     InputError where nothing reaches the threshold, giving the range of HU, or the threshold is not finite.
     """
+    expect(volume, Volume, "read_volume reads one, Volume(hu, affine) makes one of an array")
     if not np.isfinite(threshold_hu):
         raise InputError(f"expected a finite threshold in HU, got {threshold_hu}")
     hu = volume.hu

@@ -130,9 +130,17 @@ def open_device(name: str = "auto", precision: str = "float32") -> Device:
     BackendUnavailable where the backend or the device is not present, or this process was forked from one that had
     opened a device; InputError for a name of no backend.
     """
+    if not isinstance(name, str):
+        raise InputError(f"expected the name of a device, such as 'opencl:0:0', got {name!r}")
     if precision not in ("float32", "float64"):
         raise InputError(f"expected the precision float32 or float64, got {precision!r}")
     return _open(name, precision)
+
+
+def check_device(device: object) -> None:
+    """Raise InputError where a name is given for a device, which ``open_device`` would open; None is none."""
+    if isinstance(device, str):
+        raise InputError(f"expected a device, got its name: open_device({device!r}) opens it")
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpubspline.analysis.load_case import LoadCase, load_case
-from gpubspline.errors import GpubsplineWarning, InputError
+from gpubspline.errors import GpubsplineWarning, InputError, expect
 from gpubspline.export.deck import Wanted, make_deck
 from gpubspline.export.formats import Format as Format
 from gpubspline.export.read import read_mesh as read_mesh
@@ -125,7 +125,9 @@ def write(
     or not writable, a place or a field that is not finite, or a format that cannot hold the elements or what else was
     asked for. Fields that it cannot hold are warned of.
     """
-    path, mesh = Path(path), getattr(model, "mesh", model)
+    mesh = getattr(model, "mesh", model)
+    expect(mesh, Mesh, "write takes the mesh first, then its file")
+    path = Path(path)
     form = find_format(path, format)
     check_writable(path)
     _check_finite(mesh)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Buffer, Device, open_device
-from gpubspline.errors import InputError
+from gpubspline.device import Buffer, Device, check_device, open_device
+from gpubspline.errors import InputError, expect
 from gpubspline.material.laws import Law
 from gpubspline.material.registry import law as find_law
 from gpubspline.mesh import structure
@@ -152,7 +152,7 @@ def _refuse(hu: NDArray[Any], material: Material) -> None:
 
 def apply_material(
     mesh: Mesh,
-    law: Law | None = None,
+    law: Law | str | None = None,
     *,
     policy: str = "clamp",
     floor_modulus_mpa: float = FLOOR_MODULUS_MPA,
@@ -177,8 +177,11 @@ def apply_material(
     ------
     InputError where the mesh has no HU, or some that are not finite, and as ``map_material``.
     """
+    expect(mesh, Mesh, "sample makes one, read_mesh reads one")
+    check_device(device)
     check_hu(mesh)
-    law, device = law or find_law(), device or open_device()
+    law = law if isinstance(law, Law) else find_law(*([] if law is None else [law]))
+    device = device or open_device()
     floor = {"floor_modulus_mpa": floor_modulus_mpa, "floor_poisson": floor_poisson}
     nodal = map_material(mesh.fields["HU"], law, policy=policy, device=device, **floor)
     # nodes on both sides of a gap are in range while their mean is not: elements are never refused

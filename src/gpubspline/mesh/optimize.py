@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Buffer, Device
-from gpubspline.errors import InputError
+from gpubspline.device import Buffer, Device, check_device
+from gpubspline.errors import InputError, expect
 from gpubspline.mesh.carry import carry_fields
 from gpubspline.mesh.colouring import colour_nodes
 from gpubspline.mesh.grading import graded
@@ -82,6 +82,8 @@ def optimize(
     ------
     InputError where the mesh is of other elements, a node is nowhere, or the boundary is told to do something else.
     """
+    expect(mesh, Mesh, "sample makes one, read_mesh reads one")
+    check_device(device)
     if mesh.element_type not in ("hex8", "quad4"):
         raise InputError(
             f"expected a mesh of hex8 or quad4 to optimise, got {mesh.element_type}, whose nodes midway would be left "

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Buffer, Device, open_device
-from gpubspline.errors import InputError, MeshError
+from gpubspline.device import Buffer, Device, check_device, open_device
+from gpubspline.errors import InputError, MeshError, expect
 from gpubspline.mesh import structure
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.shown import brief, shown
@@ -268,5 +268,7 @@ def assess(mesh: Mesh, device: Device | None = None) -> tuple[Mesh, Quality]:
 
     The device is ``open_device()`` unless told.
     """
+    expect(mesh, Mesh, "sample makes one, read_mesh reads one")
+    check_device(device)
     values = scaled_jacobian(mesh, device or open_device())
     return mesh.with_cell_fields({"scaled_jacobian": values}), summarise(mesh, values)

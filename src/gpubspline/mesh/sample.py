@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpubspline.device import Device, open_device
-from gpubspline.errors import InputError
+from gpubspline.device import Device, check_device, open_device
+from gpubspline.errors import InputError, expect
 from gpubspline.mesh import measure, structure
 from gpubspline.mesh.elements import Element, find_element
 from gpubspline.mesh.mesh import Mesh
@@ -52,6 +52,8 @@ def sample(
     ------
     InputError where the counts or the element type do not fit the patch, or the mesh does not fit the memory.
     """
+    expect(patch, Hyperpatch, "the patch of what fit gives is one")
+    check_device(device)
     element = _choose_element(patch, order, element_type)
     check_nodes(patch, nodes)
     counts = structure.lattice_counts(element, nodes)

@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, expect
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.report.camera import OBLIQUE, Camera, Floats, facing_a_plane
 from gpubspline.report.painter import Shell, paint
@@ -39,6 +39,7 @@ def write_picture(mesh: Mesh, path: str | Path, **how: Any) -> None:
     ------
     InputError where the mesh has no such field, the view has no direction, or the file cannot be written as PNG.
     """
+    expect(mesh, Mesh, "sample makes one, read_mesh reads one")
     path = Path(path)
     check_png(path)
     save(draw_picture(mesh, **how), path)

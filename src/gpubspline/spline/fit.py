@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import solve_banded
 
-from gpubspline.device import Device
-from gpubspline.errors import InputError
+from gpubspline.device import Device, check_device
+from gpubspline.errors import InputError, expect
 from gpubspline.shown import brief
 from gpubspline.spline.hyperpatch import Hyperpatch, hyperpatch
 from gpubspline.spline.knots import averaged, clamped_uniform, greville
@@ -60,6 +60,8 @@ def fit(
     ------
     InputError for an unknown method, a degree not below the number of control points, or more control points than data.
     """
+    expect(lattice, ControlLattice, "control_lattice lays one")
+    check_device(device)
     data = lattice.points
     shape = data.shape[:-1]
     degrees = (degree,) * len(shape) if isinstance(degree, int) else tuple(degree)

@@ -11,7 +11,7 @@ from gpubspline.ct.partial_volume import check_treatment, folding
 from gpubspline.ct.region import Region
 from gpubspline.ct.volume import Volume
 from gpubspline.device import Device
-from gpubspline.errors import InputError
+from gpubspline.errors import InputError, expect
 from gpubspline.shown import brief
 from gpubspline.spline.reformat import Stack, stack
 from gpubspline.spline.spans import Floats, blend, fill_gaps, inset, row_spans, tips
@@ -94,6 +94,8 @@ def control_lattice(
     InputError where the lattice asks for more points than the data have, for fewer than 2 in a direction, or for
     slices, axes or interpolations that are not there.
     """
+    expect(volume, Volume, "read_volume reads one, Volume(hu, affine) makes one of an array")
+    expect(region, Region, "region_from_threshold or region_from_mask finds one")
     if volume.hu.shape != region.distance_mm.shape:
         raise InputError(f"expected a region on the volume's grid {volume.hu.shape}, got {region.distance_mm.shape}")
     if not 0 <= smoothing <= MOST_SMOOTHING:
