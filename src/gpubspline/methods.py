@@ -14,9 +14,9 @@ from gpubspline.ct.region import Region
 from gpubspline.device import Device
 from gpubspline.errors import GpubsplineWarning, InputError, MeshError, NoSectionsError
 from gpubspline.mesh.blocks.curved import curve
-from gpubspline.mesh.blocks.lay import MOST_LOST
 from gpubspline.mesh.blocks.mesher import blocks_mesh, size_that_keeps_topology
 from gpubspline.mesh.blocks.parts import parts_of
+from gpubspline.mesh.blocks.reach import MOST_LOST
 from gpubspline.mesh.blocks.refine import refine
 from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
 from gpubspline.mesh.butterfly.patches import SMOOTHING as BUTTERFLY_SMOOTHING

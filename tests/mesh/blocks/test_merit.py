@@ -6,8 +6,8 @@ from typing import Any, cast
 
 import pytest
 
-from gpubspline.mesh.blocks.lay import MOST_LOST
 from gpubspline.mesh.blocks.merit import GOOD, MOST_MENDED, MOST_TRIED, Merit, hope, is_worth_trying, merit
+from gpubspline.mesh.blocks.reach import MOST_LOST
 from gpubspline.mesh.improve import POOR
 
 

@@ -13,8 +13,7 @@ from gpubspline.device import Device, open_device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.curved import LEAST, curve, onto, unbiased
-from gpubspline.mesh.blocks.grow import ON_SURFACE
-from gpubspline.mesh.blocks.level_set import volume_inside
+from gpubspline.mesh.blocks.level_set import ON_SURFACE, volume_inside
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.refine import GIVEN, _slack, refine
 from gpubspline.mesh.blocks.result import Blocks

@@ -7,13 +7,16 @@ import pytest
 
 from gpubspline.ct.region import Region
 from gpubspline.device import Device
+from gpubspline.mesh.blocks import tips
 from gpubspline.mesh.blocks.curved import curve
 from gpubspline.mesh.blocks.level_set import LevelSet
 from gpubspline.mesh.blocks.mesher import blocks_mesh
 from gpubspline.mesh.blocks.refine import refine
 from gpubspline.mesh.blocks.result import Blocks
-from gpubspline.mesh.blocks.tips import OUT, stand_out
+from gpubspline.mesh.blocks.tips import OUT, draw_out, stand_out
 from gpubspline.mesh.coverage import cover
+from gpubspline.mesh.improve import Placed
+from gpubspline.mesh.movable import Movable
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.validity import certify
 
@@ -63,6 +66,30 @@ def test_what_is_too_long_for_a_node_is_listed(device: Device) -> None:
     made = blocks_mesh(region, SIZE, attempts=1, device=device)
     assert assess(made.mesh, device)[1].min >= 0.60
     assert left_out(made, region, device) > 1.2
+
+
+@pytest.mark.parametrize("device", ["opencl"], indirect=True)
+def test_a_tip_is_followed_as_cheaply_as_it_can_be_and_only_where_it_must(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of all ways the one that leaves the best hexes; where the tip may stand out, none that leaves them worse."""
+    seen = []
+
+    def drawn(hexes: Movable, best: Placed, level: LevelSet) -> Placed:
+        made = draw_out(hexes, best, level)
+        seen.append((best.least, made.least))
+        return made
+
+    monkeypatch.setattr("gpubspline.mesh.blocks.grow.draw_out", drawn)
+    region, out = spiky(4.0), []
+    for name, value in (("WAYS", tips.WAYS[:1]), ("CHEAP", 1.0), ("MOST_LOST", 9.0)):
+        with monkeypatch.context() as patched:
+            patched.setattr(tips, name, value)
+            patched.setattr(tips, "WANTED", 0.66 if name != "MOST_LOST" else 1.0)
+            out.append(left_out(blocks_mesh(region, SIZE, attempts=1, device=device), region, device))
+    (before, one), (_, all_ways), (_, refused) = seen
+    assert 0.6 <= one < all_ways - 0.02 < before and refused >= before
+    assert max(out[:2]) <= tips.MOST_LOST and out[2] > 1.3
 
 
 def test_places_that_stand_out_by_hand(device: Device) -> None:

@@ -14,7 +14,7 @@ from gpubspline.errors import InputError, MeshError
 from gpubspline.mesh.blocks.contacts import find_contacts, part_strangers
 from gpubspline.mesh.blocks.core import Cells, cell_means, core_cells, euler_characteristic, largest_body
 from gpubspline.mesh.blocks.labelled import assign, body_volumes, costs, element_sets, find_interfaces, hold, node_sets
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part
+from gpubspline.mesh.blocks.level_set import ON_SURFACE, SAMPLES, Field, LevelSet, Part
 from gpubspline.mesh.blocks.pillow import Owners, Pillowed, pillow
 from gpubspline.mesh.blocks.place import Holding, PlacedOn, place_nodes
 from gpubspline.mesh.blocks.reach import CoreDistance, LostFeature, core_distance, lost_features
@@ -26,9 +26,6 @@ from gpubspline.mesh.improve import Effort
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED
 from gpubspline.mesh.validity import certify
-
-ON_SURFACE = 0.01
-"""A node farther from the surface, in elements, counts as off it."""
 
 PARTINGS = 12
 """Most rounds in which bodies that do not touch are parted and cells are repaired."""

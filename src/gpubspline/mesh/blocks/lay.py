@@ -16,15 +16,12 @@ from gpubspline.mesh.blocks.grow import Core, find_core
 from gpubspline.mesh.blocks.level_set import SAMPLES, Field, LevelSet, Part, level_set, part_of
 from gpubspline.mesh.blocks.pillow import count_hexes
 from gpubspline.mesh.blocks.placement import Placement, placement
-from gpubspline.mesh.blocks.reach import LostFeature, lost_features, within_reach
+from gpubspline.mesh.blocks.reach import MOST_LOST, LostFeature, lost_features, within_reach
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.blocks.result import Attempt
 from gpubspline.mesh.blocks.topology import Difference, differences
 
 Failure = InputError | MeshError
-
-MOST_LOST = 1.2
-"""How far, in elements, a feature may stand out of the mesh without another place being tried."""
 
 FILLED = 0.15
 """Share of a cell's samples that are lost from which the cell is taken in."""

@@ -50,6 +50,9 @@ GROOVE = 0.25
 FARTHEST = 1.0
 """Most, in elements, that the zero level is moved for its volume."""
 
+ON_SURFACE = 0.01
+"""A node farther from the surface, in elements, counts as off it."""
+
 NEAR, ON_REGION = 0.3, 0.05
 """How near, in elements, a point must be to the region to be brought to it, and the step of differences for that."""
 

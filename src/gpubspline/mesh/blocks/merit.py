@@ -7,7 +7,8 @@ yet stands for the best that may be hoped of it; it is passed over where that is
 from dataclasses import dataclass
 
 from gpubspline.mesh.blocks.grow import Grown
-from gpubspline.mesh.blocks.lay import MOST_LOST, Laid
+from gpubspline.mesh.blocks.lay import Laid
+from gpubspline.mesh.blocks.reach import MOST_LOST
 from gpubspline.mesh.blocks.tips import TINY
 from gpubspline.mesh.improve import POOR
 

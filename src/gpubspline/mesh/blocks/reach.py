@@ -35,6 +35,9 @@ EXACT = 2.0
 NEAREST = 8
 """Cells that are then tried, by their centres."""
 
+MOST_LOST = 1.2
+"""How far, in elements, a feature may stand out of the mesh without another place being tried."""
+
 LEAST_LOSS = 0.5
 """Features that stand out less, in elements, are not listed."""
 

@@ -9,8 +9,8 @@ from gpubspline.device import Device
 from gpubspline.errors import InputError
 from gpubspline.mesh.blocks.chords import measure_chords
 from gpubspline.mesh.blocks.curved import curve, unbiased
-from gpubspline.mesh.blocks.grow import ON_SURFACE, distance_from, off_surface
-from gpubspline.mesh.blocks.level_set import SAMPLES, Field
+from gpubspline.mesh.blocks.grow import distance_from, off_surface
+from gpubspline.mesh.blocks.level_set import ON_SURFACE, SAMPLES, Field
 from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
 from gpubspline.mesh.even import even_out
 from gpubspline.mesh.improve import Effort, Placed, improve, placed
