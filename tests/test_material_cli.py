@@ -39,7 +39,7 @@ def test_element_mapping_and_calibration(run: Command, child: Path, tmp_path: Pa
     assert figures["calibration"]["method"] == "table" and figures["law"]["density_steps"][-1]["name"] == "ash-from-QCT"
     assert any("ash-from-QCT" in what for what in figures["law"]["unconfirmed"])
     written = meshio.read(made)
-    assert {"E_MPa", "nu", "density_g_cm3", "HU", "material"} <= written.cell_data.keys()
+    assert {"E_MPa", "nu", "density_ash_g_cm3", "HU", "material"} <= written.cell_data.keys()
     assert "E_MPa" not in written.point_data
 
 
