@@ -51,6 +51,12 @@ PARTS = {
         "near": np.maximum(-PLANE, Y + 0.2 * X - 0.31),
         "far": np.maximum(-PLANE, 0.31 - Y - 0.2 * X),
     },
+    "quarters": {  # two and two touch along a line alone
+        "left back": np.maximum(X - ACROSS, Y - 0.7),
+        "right back": np.maximum(ACROSS - X, Y - 0.7),
+        "left front": np.maximum(X - ACROSS, 0.7 - Y),
+        "right front": np.maximum(ACROSS - X, 0.7 - Y),
+    },
     "three": {"lower": PLANE, "left": np.maximum(-PLANE, X - ACROSS), "right": np.maximum(-PLANE, ACROSS - X)},
 }
 
@@ -68,7 +74,8 @@ def made(name: str, device: Device) -> Blocks:
 
 
 @pytest.mark.parametrize(
-    ("name", "floor"), [("halves", 0.65), ("shell", 0.7), ("thin", 0.6), ("three", 0.6), ("four", 0.55)]
+    ("name", "floor"),
+    [("halves", 0.65), ("shell", 0.7), ("thin", 0.6), ("three", 0.6), ("four", 0.55), ("quarters", 0.65)],
 )
 def test_bodies_share_their_interface(name: str, floor: float, device: Device) -> None:
     mesh = made(name, device).mesh

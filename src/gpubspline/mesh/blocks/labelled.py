@@ -171,7 +171,9 @@ def straightened(interfaces: Interfaces, hexes: Pillowed, points: NDArray[Any]) 
     moved: Interfaces = {}
     for pair, interface in interfaces.items():
         faces = hexes.interfaces[(hexes.sides == pair).all(axis=1)]
-        moved[pair] = replace(interface, held=measure_chords(points, faces, interface.phi).added_to(interface.held))
+        if len(faces):  # bodies may touch at edges alone
+            interface = replace(interface, held=measure_chords(points, faces, interface.phi).added_to(interface.held))
+        moved[pair] = interface
     return moved
 
 
