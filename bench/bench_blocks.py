@@ -30,7 +30,8 @@ from gpubspline.mesh.blocks.pillow import Pillowed, pillow
 from gpubspline.mesh.blocks.repair import repair
 from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.distance import surface_distance
-from gpubspline.mesh.improve import Effort, improve
+from gpubspline.mesh.floors import Effort
+from gpubspline.mesh.improve import improve
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FREE, Movable, movable, put_level
 

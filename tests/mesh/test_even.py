@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gpubspline.device import Device
-from gpubspline.mesh import improve
+from gpubspline.mesh import floors
 from gpubspline.mesh.even import GIVEN, even_out
-from gpubspline.mesh.improve import RINGS, Effort, climb, placed
+from gpubspline.mesh.floors import RINGS, Effort, climb, placed
 from gpubspline.mesh.movable import FIXED, FREE, Movable, movable, put_level
 from gpubspline.mesh.neighbourhood import (
     edge_lengths,
@@ -65,7 +65,7 @@ def test_a_neighbourhood_keeps_its_rim(device: Device) -> None:
 
 def test_few_hexes_below_a_floor_are_raised_alone(monkeypatch, device: Device) -> None:
     """One node astray in a large grid: what is farther than the rings stays, to the last bit, and the floor is met."""
-    monkeypatch.setattr(improve, "MANY", 9_000)
+    monkeypatch.setattr(floors, "MANY", 9_000)
     points, slack, hexes = grid(22, device)
     middle = np.array([11, 11, 11])
     points[np.all(points == middle, axis=1)] += (0.7, 0.6, 0.5)

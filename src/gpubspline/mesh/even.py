@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpubspline.device import Buffer
-from gpubspline.mesh.improve import CAP, Placed
+from gpubspline.mesh.floors import CAP, Placed
 from gpubspline.mesh.movable import Goal, Movable
 from gpubspline.mesh.neighbourhood import (
     Neighbourhood,

@@ -9,12 +9,14 @@ from gpubspline.device import Buffer, Device, check_device
 from gpubspline.errors import InputError, expect
 from gpubspline.mesh.carry import carry_fields
 from gpubspline.mesh.colouring import colour_nodes
+from gpubspline.mesh.floors import ANY_LENGTH, Effort, climb, copy, placed
 from gpubspline.mesh.grading import graded
-from gpubspline.mesh.improve import ANY_LENGTH, Effort, climb, copy, improve, persist, placed
+from gpubspline.mesh.improve import improve
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, Movable, movable
 from gpubspline.mesh.neighbourhood import edge_lengths
 from gpubspline.mesh.own_surface import cuts_for, hold
+from gpubspline.mesh.persist import persist
 from gpubspline.mesh.pieces import bilinear
 from gpubspline.mesh.quality import scaled_jacobian
 from gpubspline.mesh.validity import certify

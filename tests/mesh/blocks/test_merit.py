@@ -8,7 +8,7 @@ import pytest
 
 from gpubspline.mesh.blocks.merit import GOOD, MOST_MENDED, MOST_TRIED, Merit, hope, is_worth_trying, merit
 from gpubspline.mesh.blocks.reach import MOST_LOST
-from gpubspline.mesh.improve import POOR
+from gpubspline.mesh.mend import POOR
 
 
 def judged(*, wrong: float = 0, least: float = 0.7, determinant: float = 0.1, out: float = 0, off: float = 0) -> Merit:

@@ -16,7 +16,7 @@ from gpubspline.mesh.blocks.mesher import blocks_mesh, mesh_level_set
 from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.distance import sample_distance, surface_distance
 from gpubspline.mesh.element_size import size_for
-from gpubspline.mesh.improve import Effort
+from gpubspline.mesh.floors import Effort
 from gpubspline.mesh.quality import assess
 from gpubspline.surface.read import read_surface
 from gpubspline.surface.region import region_from_surface

@@ -15,7 +15,7 @@ from gpubspline.mesh.blocks.refine import refine
 from gpubspline.mesh.blocks.result import Blocks
 from gpubspline.mesh.blocks.tips import OUT, draw_out, stand_out
 from gpubspline.mesh.coverage import cover
-from gpubspline.mesh.improve import Placed
+from gpubspline.mesh.floors import Placed
 from gpubspline.mesh.movable import Movable
 from gpubspline.mesh.quality import assess
 from gpubspline.mesh.validity import certify

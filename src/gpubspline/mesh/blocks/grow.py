@@ -22,7 +22,7 @@ from gpubspline.mesh.blocks.repair import repair, repair_owners
 from gpubspline.mesh.blocks.result import Blocks, BlocksReport, BodyReport, OtherTopology
 from gpubspline.mesh.blocks.tips import draw_out, stand_out
 from gpubspline.mesh.blocks.topology import Difference, differences
-from gpubspline.mesh.improve import Effort
+from gpubspline.mesh.floors import Effort
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED
 from gpubspline.mesh.validity import certify

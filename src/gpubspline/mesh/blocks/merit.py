@@ -10,7 +10,7 @@ from gpubspline.mesh.blocks.grow import Grown
 from gpubspline.mesh.blocks.lay import Laid
 from gpubspline.mesh.blocks.reach import MOST_LOST
 from gpubspline.mesh.blocks.tips import TINY
-from gpubspline.mesh.improve import POOR
+from gpubspline.mesh.mend import POOR
 
 GOOD = 0.65
 """Worst scaled Jacobian beyond which none is hoped for: other places gain 0.02 then, and take as long as the first."""

@@ -16,7 +16,7 @@ from gpubspline.mesh.blocks.lay import Failure, Prospect, in_turn, lay
 from gpubspline.mesh.blocks.level_set import LevelSet, Part
 from gpubspline.mesh.blocks.merit import Merit, hope, is_worth_trying, merit
 from gpubspline.mesh.blocks.result import Attempt, Blocks
-from gpubspline.mesh.improve import Effort
+from gpubspline.mesh.floors import Effort
 
 ATTEMPTS = 6
 """Most places of the lattice that are tried."""

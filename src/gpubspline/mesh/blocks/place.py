@@ -14,7 +14,9 @@ from gpubspline.mesh.blocks.pillow import Pillowed
 from gpubspline.mesh.blocks.reach import CoreDistance, within_reach
 from gpubspline.mesh.blocks.start import start
 from gpubspline.mesh.even import even_out
-from gpubspline.mesh.improve import ANY_LENGTH, POOR, Effort, Placed, as_long_as_now, copy, lift, settle
+from gpubspline.mesh.floors import ANY_LENGTH, Effort, Placed, copy
+from gpubspline.mesh.improve import lift, settle
+from gpubspline.mesh.mend import POOR, as_long_as_now
 from gpubspline.mesh.movable import Movable, movable, put_level
 
 FEW = 0.004

@@ -13,7 +13,8 @@ from gpubspline.mesh.blocks.grow import distance_from, off_surface
 from gpubspline.mesh.blocks.level_set import ON_SURFACE, SAMPLES, Field
 from gpubspline.mesh.blocks.result import Blocks, measured, sets_carried_to
 from gpubspline.mesh.even import even_out
-from gpubspline.mesh.improve import Effort, Placed, improve, placed
+from gpubspline.mesh.floors import Effort, Placed, placed
+from gpubspline.mesh.improve import improve
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, FREE, Movable, movable, put_level
 from gpubspline.mesh.neighbourhood import edge_lengths, hexes_round, neighbourhood

@@ -14,7 +14,9 @@ from gpubspline.device import Device
 from gpubspline.mesh.blocks.level_set import ON_SURFACE, LevelSet
 from gpubspline.mesh.blocks.reach import MOST_LOST
 from gpubspline.mesh.coverage import find_outside
-from gpubspline.mesh.improve import POOR, Effort, Placed, improve
+from gpubspline.mesh.floors import Effort, Placed
+from gpubspline.mesh.improve import improve
+from gpubspline.mesh.mend import POOR
 from gpubspline.mesh.mesh import Mesh
 from gpubspline.mesh.movable import FIXED, FREE, Movable
 from gpubspline.mesh.neighbourhood import Neighbourhood, hexes_round, neighbourhood
