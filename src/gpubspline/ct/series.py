@@ -156,7 +156,8 @@ def choose_series(
     """
     groups: dict[tuple[str, str], list[Header]] = defaultdict(list)
     choice = choice or Choice()
-    for header in [header for header in headers if header.may_be(choice)] or headers:  # which is told of later
+    chosen = [header for header in headers if header.may_be(choice)] if choice.traits else []
+    for header in chosen or headers:  # that none is of the traits is told of later
         groups[header.series, header.modality].append(header)
     if choice.uid is not None:
         return _named_series(groups, choice.uid)
