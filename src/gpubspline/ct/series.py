@@ -156,8 +156,8 @@ def choose_series(
     """
     groups: dict[tuple[str, str], list[Header]] = defaultdict(list)
     choice = choice or Choice()
-    chosen = [header for header in headers if header.may_be(choice)] if choice.traits else []
-    for header in chosen or headers:  # that none is of the traits is told of later
+    wanted = [header for header in headers if header.may_be(choice)] if choice.traits else []
+    for header in wanted or headers:  # that none is of the traits is told of later
         groups[header.series, header.modality].append(header)
     if choice.uid is not None:
         return _named_series(groups, choice.uid)
