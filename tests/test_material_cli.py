@@ -104,6 +104,17 @@ def test_one_rod_is_refused_and_a_model_has_no_tissues(run: Command, child: Path
     assert status == 2 and "the CT to read the surface's HU" in err
 
 
+def test_a_scan_without_tissues_is_refused_before_it_is_meshed(
+    run: Command, child: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for meshed in ("gpubspline.pipeline.fit_body", "gpubspline.methods.mesh_body"):
+        monkeypatch.setattr(meshed, lambda *_: pytest.fail("it was meshed"))
+    for method in ("tensor", "blocks"):
+        how = ("--method", method, "--calibration", "phantomless")
+        status, _, err = run("mesh", child, "-o", tmp_path / "m.vtu", *how)
+        assert status == 2 and "expected a peak of" in err and err.count("\n") == 1
+
+
 def test_labels_by_name_and_as_element_sets(run: Command, data: Path, tmp_path: Path) -> None:
     """A real vertebra by its label, its parts as element sets."""
     folder = data / "vertebra"

@@ -1,5 +1,6 @@
 """The flow, as code: files, volume, region, control lattice, hyperpatch, mesh, material, summary."""
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -156,6 +157,17 @@ def _law_of_set(by_label: dict[int, Law], alarms: Alarms, mesh: Mesh) -> dict[st
     """Laws of labels that elements have, by their element sets."""
     met = [share["label"] for share in alarms.by_label if share["label"]]
     return {set_of_label(mesh, number): by_label[number] for number in met}
+
+
+def check_calibration(sampling: Sampling, body: Body) -> None:
+    """Raise InputError where a scan has not what a calibration wants, before the body is meshed.
+
+    What the calibration asks about is asked where it is carried out.
+    """
+    if sampling.calibration is not None and body.whole is not None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            calibrate(sampling, body)
 
 
 def calibrate(sampling: Sampling, body: Body | None) -> tuple[Sampling, Calibrated | None]:

@@ -105,6 +105,7 @@ def make_model(
     from gpubspline import methods, pipeline
     from gpubspline.spline.lattice import SMOOTHING
 
+    pipeline.check_calibration(sampling, body)
     if choice.method == "tensor":
         fitted = pipeline.fit_body(body, wanted, shaping, device, clock)
         model = sample(fitted.fit.patch, sampling, device, clock, body)
